@@ -5,6 +5,7 @@
 #include <concepts>
 
 #include "protocols/quantities/columns.hpp"
+#include "protocols/wire/number_text.hpp"
 #include "protocols/wire/shortest_text.hpp"
 
 namespace imud {
@@ -60,8 +61,9 @@ class RowReader {
   bool field(Integer& number) noexcept {
     const std::string_view text = next();
     if (text.empty()) return false;
-    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
-    good = good && error == std::errc{} && end == text.data() + text.size();
+    const auto parsed = number_in<Integer>(text);
+    good = good && parsed;
+    number = parsed.value_or(0);
     return true;
   }
 

@@ -1,29 +1,22 @@
 #include "protocols/quantities/columns.hpp"
 
 #include <algorithm>
-#include <charconv>
 #include <cstring>
 #include <stdexcept>
 #include <utility>
 #include <vector>
 
+#include "protocols/wire/number_text.hpp"
+
 namespace imud {
 namespace {
 
 template <class Number>
-bool is_number(std::string_view field, Number& number) noexcept {
-  const auto [end, error] = std::from_chars(field.data(), field.data() + field.size(), number);
-  return error == std::errc{} && end == field.data() + field.size();
-}
-
-template <class Number>
 std::optional<Number> parse(std::string_view field) noexcept {
-  Number number;
-  if (is_number(field, number)) return number;  // most fields have neither blanks nor a plus sign
+  if (const auto number = number_in<Number>(field)) return number;  // most have neither blanks nor a plus sign
   field = trim(field);
   if (field.size() > 1 && field[0] == '+' && field[1] != '-') field.remove_prefix(1);
-  if (is_number(field, number)) return number;
-  return {};
+  return number_in<Number>(field);
 }
 
 }  // namespace

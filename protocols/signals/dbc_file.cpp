@@ -1,13 +1,14 @@
 #include "protocols/signals/dbc_file.hpp"
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <filesystem>
 #include <fstream>
 #include <map>
 #include <stdexcept>
 #include <utility>
+
+#include "protocols/wire/number_text.hpp"
 
 namespace imud {
 namespace {
@@ -63,12 +64,11 @@ class DbcTokens {
     const Token token = next();
     std::string_view text = token.text;
     if (text.starts_with('+')) text.remove_prefix(1);
-    Number value = {};
-    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-    bool is_good = error == std::errc{} && end == text.data() + text.size();
-    if constexpr (std::is_floating_point_v<Number>) is_good = is_good && std::isfinite(value);
+    const auto value = number_in<Number>(text);
+    bool is_good = value.has_value();
+    if constexpr (std::is_floating_point_v<Number>) is_good = is_good && std::isfinite(*value);
     if (!is_good) refuse(token.line, std::string(statement) + ": expected a number, but found " + found_text);
-    return value;
+    return *value;
   }
 
  private:
@@ -171,12 +171,10 @@ class DbcParser {
       if (multiplexing == "M") {
         signal.is_multiplexor = true;
       } else if (multiplexing != "m") {  // a lone m is in files of others: no page, and no multiplexor
-        std::uint32_t page = 0;
-        const char* const end = multiplexing.data() + multiplexing.size();
-        const auto [parsed, error] = std::from_chars(multiplexing.data() + 1, end, page);
-        if (!multiplexing.starts_with('m') || error != std::errc{} || parsed != end)
+        const auto page = number_in<std::uint32_t>(std::string_view(multiplexing).substr(1));
+        if (!multiplexing.starts_with('m') || !page)
           refuse(line, "SG_: expected \":\", \"M\" or \"m\" with a number, but found \"" + multiplexing + "\"");
-        signal.pages = {{page, page}};
+        signal.pages = {{*page, *page}};
       }
       tokens_.expect(":", "SG_");
     }
@@ -278,14 +276,12 @@ class DbcParser {
     std::vector<PageRange> pages;
     do {
       const std::string text = tokens_.name("SG_MUL_VAL_");
-      const char* const end = text.data() + text.size();
-      PageRange range;
-      const auto [dash, error] = std::from_chars(text.data(), end, range.first);
-      const bool has_last = error == std::errc{} && dash != end && *dash == '-';
-      const auto [parsed, last_error] = std::from_chars(has_last ? dash + 1 : end, end, range.last);
-      if (!has_last || last_error != std::errc{} || parsed != end || range.last < range.first)
+      const std::size_t dash = std::min(text.find('-'), text.size() - 1);
+      const auto first = number_in<std::uint32_t>(std::string_view(text).substr(0, dash)),
+                 last = number_in<std::uint32_t>(std::string_view(text).substr(dash + 1));
+      if (!first || !last || *last < *first)
         refuse(line, "SG_MUL_VAL_: expected a range such as 0-3, but found \"" + text + "\"");
-      pages.push_back(range);
+      pages.push_back({*first, *last});
     } while (tokens_.skip(","));
     if (signal == nullptr) return;
     signal->multiplexor = multiplexor;

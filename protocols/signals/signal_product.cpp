@@ -1,10 +1,11 @@
 #include "protocols/signals/signal_product.hpp"
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <stdexcept>
 #include <string>
+
+#include "protocols/wire/number_text.hpp"
 
 namespace imud {
 namespace {
@@ -31,15 +32,9 @@ std::vector<std::uint32_t> identifiers_of(const SignalProduct& product, const Se
     const std::size_t equals = text.find('=');
     if (equals == std::string::npos) refuse("identifiers", "\"" + text + "\": give NAME=ID, such as imu=0x123");
     const SignalProductMessage& message = named(product, "identifiers", std::string_view(text).substr(0, equals));
-    std::string_view digits = std::string_view(text).substr(equals + 1);
-    const bool hexadecimal = digits.starts_with("0x") || digits.starts_with("0X");
-    if (hexadecimal) digits.remove_prefix(2);
-    std::uint32_t id = 0;
-    const auto [end, error] =
-        std::from_chars(digits.data(), digits.data() + digits.size(), id, hexadecimal ? 16 : 10);
-    if (error != std::errc{} || end != digits.data() + digits.size())
-      refuse("identifiers", "\"" + text + "\": the identifier must be a number, such as 0x123");
-    ids[static_cast<std::size_t>(&message - product.messages.data())] = id;
+    const auto id = number_or_hex_in<std::uint32_t>(std::string_view(text).substr(equals + 1));
+    if (!id) refuse("identifiers", "\"" + text + "\": the identifier must be a number, such as 0x123");
+    ids[static_cast<std::size_t>(&message - product.messages.data())] = *id;
   }
   const std::uint64_t highest = extended ? 0x1FFF'FFFF : 0x7FF;
   std::vector<std::uint32_t> result;
@@ -70,10 +65,8 @@ std::vector<Chosen> chosen(const SignalProduct& product, const Settings& setting
     const SignalProductMessage& message = named(product, "messages", std::string_view(text).substr(0, at));
     double ratio = 1;
     if (at != std::string::npos) {
-      double hz = 0;
-      const char* const end = text.data() + text.size();
-      const auto [parsed, error] = std::from_chars(text.data() + at + 1, end, hz);
-      ratio = error == std::errc{} && parsed == end && hz > 0 ? rate_hz / hz : 0;
+      const double hz = number_in<double>(std::string_view(text).substr(at + 1)).value_or(0);
+      ratio = hz > 0 ? rate_hz / hz : 0;
       if (!(ratio >= 1 && ratio <= 1e6) || std::abs(ratio - std::round(ratio)) > 1e-6)
         refuse("messages", "\"" + text + "\": output_rate_hz must be divisible by the rate of a message");
     }

@@ -1,17 +1,15 @@
 #include "protocols/signals/signal_source.hpp"
 
-#include <charconv>
 #include <cmath>
+
+#include "protocols/wire/number_text.hpp"
 
 namespace imud {
 namespace {
 
-std::optional<double> number_in(std::string_view text) noexcept {
-  double number = 0;
-  const char* const end = text.data() + text.size();
-  const auto [parsed, error] = std::from_chars(text.data(), end, number);
-  if (error != std::errc{} || parsed != end || !std::isfinite(number)) return std::nullopt;
-  return number;
+std::optional<double> finite_in(std::string_view text) noexcept {
+  const auto number = number_in<double>(text);
+  return number && std::isfinite(*number) ? number : std::nullopt;
 }
 
 }  // namespace
@@ -19,14 +17,14 @@ std::optional<double> number_in(std::string_view text) noexcept {
 std::optional<SignalSource> parse_signal_source(std::string_view text) noexcept {
   using enum SignalSource::Form;
   SignalSource source;
-  if (const auto constant_number = number_in(text)) {
+  if (const auto constant_number = finite_in(text)) {
     source.form = constant;
     source.constant = *constant_number;
     return source;
   }
   constexpr std::string_view abs = "abs(", sign_of = "sign(";
   if (const std::size_t percent = text.find('%'); percent != std::string_view::npos) {
-    const auto modulus = number_in(text.substr(percent + 1));
+    const auto modulus = finite_in(text.substr(percent + 1));
     if (!modulus || *modulus <= 0) return std::nullopt;
     source.form = remainder;
     source.modulus = *modulus;

@@ -22,5 +22,11 @@ std::optional<Number> number_in(std::string_view text, int radix = 10) noexcept 
   if (result.ec != std::errc() || result.ptr != end) return std::nullopt;
   return number;
 }
+// The same for an integer, which has hexadecimal digits after "0x" or "0X".
+template <class Number>
+std::optional<Number> number_or_hex_in(std::string_view text) noexcept {
+  const bool is_hexadecimal = text.starts_with("0x") || text.starts_with("0X");
+  return number_in<Number>(text.substr(is_hexadecimal ? 2 : 0), is_hexadecimal ? 16 : 10);
+}
 
 }  // namespace imud
