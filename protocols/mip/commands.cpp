@@ -7,47 +7,26 @@
 namespace imud::mip {
 namespace {
 
-struct Command {
-  std::uint8_t set, command;
-  unsigned models = all;
+struct Commands {
+  std::uint8_t set;
+  unsigned models;
+  std::array<std::uint8_t, 11> commands;  // in the order of the list of descriptors; 0: none
 };
 // All commands, except for kept settings and commands that are merely acknowledged.
-constexpr Command commands[] = {
-    {base, 0x01},
-    {base, 0x02},
-    {base, 0x03},
-    {base, 0x04},
-    {base, 0x05},
-    {base, 0x06},
-    {base, 0x07},
-    {base, 0x08},
-    {base, 0x09},
-    {base, 0x72},
-    {base, 0x7E},
-    {three_dm, 0x01},
-    {three_dm, 0x02, gx5_45},
-    {three_dm, 0x03},
-    {three_dm, 0x06},
-    {three_dm, 0x07, gx5_45},
-    {three_dm, 0x08},
-    {three_dm, 0x09, gx5_45},
-    {three_dm, 0x0A},
-    {three_dm, 0x0B},
-    {three_dm, 0x0D},
-    {three_dm, 0x0E},
-    {three_dm, 0x0F},
-    {three_dm, 0x11},
-    {three_dm, 0x30},
-    {three_dm, 0x31, series_7},
-    {three_dm, 0x32, series_7},
-    {three_dm, 0x33, series_7},
-    {three_dm, 0x37},
-    {three_dm, 0x38},
-    {three_dm, 0x39},
-    {three_dm, 0x40},
-    {three_dm, 0x42, series_7},
-    {three_dm, 0x64, gx5},
-    {filter_command, 0x11, gx5},
+constexpr Commands commands[] = {
+    {base, all, {0x01, 0x02, 0x03, 0x04, 0x05, 0x06, 0x07, 0x08, 0x09, 0x72, 0x7E}},
+    {three_dm, all, {0x01}},
+    {three_dm, gx5_45, {0x02}},
+    {three_dm, all, {0x03, 0x06}},
+    {three_dm, gx5_45, {0x07}},
+    {three_dm, all, {0x08}},
+    {three_dm, gx5_45, {0x09}},
+    {three_dm, all, {0x0A, 0x0B, 0x0D, 0x0E, 0x0F, 0x11, 0x30}},
+    {three_dm, series_7, {0x31, 0x32, 0x33}},
+    {three_dm, all, {0x37, 0x38, 0x39, 0x40}},
+    {three_dm, series_7, {0x42}},
+    {three_dm, gx5, {0x64}},
+    {filter_command, gx5, {0x11}},
 };
 
 }  // namespace
@@ -306,8 +285,9 @@ Memory::Code Memory::device_settings(Reader& reader, const Context& context) noe
 }
 
 bool Memory::has(std::uint8_t set, std::uint8_t command) const noexcept {
-  return std::any_of(std::begin(commands), std::end(commands),
-                     [&](const Command& c) { return c.set == set && c.command == command && model_.is(c.models); });
+  return command != 0 && std::ranges::any_of(commands, [&](const Commands& some) {
+           return some.set == set && model_.is(some.models) && std::ranges::count(some.commands, command) > 0;
+         });
 }
 
 void Memory::put_device_info(Packet& answer) const noexcept {
@@ -327,7 +307,9 @@ void Memory::put_descriptors(Packet& answer, bool extended) const noexcept {
     if (model_.is(of) && (count++ >= list) == extended) answer.put(static_cast<std::uint16_t>(set << 8 | descriptor));
   };
   answer.begin(extended ? 0x86 : 0x82);
-  for (const Command& c : commands) put(c.set, c.command, c.models);
+  for (const Commands& some : commands)
+    for (const std::uint8_t command : some.commands)
+      if (command != 0) put(some.set, command, some.models);
   for (const KeptSetting& kept : kept_settings()) put(kept.set, kept.command, kept.models);
   for (const Acknowledged& one : acknowledged_commands()) put(one.set, one.command, one.models);
   for (const DataField& field : data_fields()) {
