@@ -5,7 +5,7 @@
 // pre-operational until a master starts it, unless it starts itself (1F80). Without a node id it waits for LSS. A bit
 // rate that LSS sets is stored and reported (2002:2), but has no effect: the administrator sets the interface's.
 
-#include "protocols/canopen/node.hpp"
+#include "protocols/canopen/sdo_server.hpp"
 #include "protocols/canopen/settings.hpp"
 #include "protocols/protocol.hpp"
 
@@ -36,7 +36,7 @@ class CanopenDevice final : public Device {
  public:
   CanopenDevice(const ObjectDictionary& delivered, const Identity& identity, unsigned node_id,
                 Nanoseconds start_up) noexcept
-      : start_up_(start_up), node_(delivered, identity, node_id), sdo_(node_, node_.alarms) {
+      : start_up_(start_up), node_(delivered, identity, node_id), sdo_(node_) {
     power_on({});
   }
 

@@ -8,7 +8,6 @@
 #include "protocols/canopen/lss.hpp"
 #include "protocols/canopen/measured.hpp"
 #include "protocols/canopen/pdo.hpp"
-#include "protocols/canopen/sdo_server.hpp"
 #include "protocols/canopen/supervision.hpp"
 
 namespace imud::canopen {
@@ -19,14 +18,16 @@ struct Note {
   std::size_t size = 0;
 };
 
-class Node final : public ObjectAccess {
+class Node {
  public:
   Node(const ObjectDictionary& delivered, const Identity& identity, unsigned node_id) noexcept;
 
-  Abort read(std::uint16_t index, std::uint8_t sub, std::span<std::byte> value, std::size_t& size) noexcept override;
-  Abort check_write(std::uint16_t index, std::uint8_t sub, std::optional<std::size_t> size) const noexcept override;
-  Abort write(std::uint16_t index, std::uint8_t sub, std::span<const std::byte> value,
-              DeviceTime now) noexcept override;
+  // Copies the value of an object to `value`, which has room for longest_text bytes, and sets `size`.
+  Abort read(std::uint16_t index, std::uint8_t sub, std::span<std::byte> value, std::size_t& size) noexcept;
+  // Returns the reason why no value of that size can be written, or Abort::none. nullopt: the size is not known yet.
+  Abort check_write(std::uint16_t index, std::uint8_t sub, std::optional<std::size_t> size) const noexcept;
+  // Writes a value that check_write() allows. Returns the reason why the object does not accept it, or Abort::none.
+  Abort write(std::uint16_t index, std::uint8_t sub, std::span<const std::byte> value, DeviceTime now) noexcept;
 
   // Load all objects, or the communication objects, as after power on, for the node id that LSS has set.
   void load_all() noexcept;

@@ -6,6 +6,7 @@
 #include <bit>
 #include <bitset>
 #include <cstdint>
+#include <initializer_list>
 #include <span>
 
 #include "protocols/canopen/canopen.hpp"
@@ -136,6 +137,12 @@ constexpr ObjectList list_objects() {
     list.add({static_cast<std::uint16_t>(index), static_cast<std::uint8_t>(sub), type, read_only, computed, 0, 0,
               false, true});
   };
+  // The subindexes from 1 on have these types.
+  const auto add_all_measured = [&](unsigned index, std::initializer_list<Type> types) {
+    add_count(index, static_cast<unsigned>(types.size()));
+    unsigned sub = 0;
+    for (const Type type : types) add_measured(index, ++sub, type);
+  };
   const auto add_parameter = [&](unsigned index, unsigned sub, Type type, std::uint64_t initial,
                                  std::uint64_t largest = ~std::uint64_t{0}) {
     list.add({static_cast<std::uint16_t>(index), static_cast<std::uint8_t>(sub), type, read_write, parameter, initial,
@@ -198,34 +205,18 @@ constexpr ObjectList list_objects() {
   add({0x2002, 2, u8, read_only, computed});
   for (unsigned q = 0; q < quantities; ++q) {
     const unsigned base = first_quantity + 0x10 * q;
-    for (unsigned k = 0; k < 3; ++k) {
-      add_count(base + k, 3);
-      for (unsigned axis = 1; axis <= 3; ++axis) add_measured(base + k, axis, std::array{i16, i32, f32}[k]);
-    }
+    unsigned format = 0;
+    for (const Type type : {i16, i32, f32}) add_all_measured(base + format++, {type, type, type});
     add_count(base + 3, 2);
     add_parameter(base + 3, 1, f32, std::bit_cast<std::uint32_t>(lsb_16[q]));
     add({static_cast<std::uint16_t>(base + 3), 2, f32, read_only, number, std::bit_cast<std::uint32_t>(lsb_32[q])});
   }
-  add_count(0x2150, 2);  // pressure: 0.01 Pa, Pa
-  add_measured(0x2150, 1, u32);
-  add_measured(0x2150, 2, f32);
-  add_count(0x2160, 2);  // temperature: 0.01 degree Celsius, degrees Celsius
-  add_measured(0x2160, 1, i16);
-  add_measured(0x2160, 2, f32);
-  add_count(0x2170, 4);  // time of the sample: 100 us, 1 us and 1 ns of the device's clock; time of day, by TIME
-  add_measured(0x2170, 1, u16);
-  add_measured(0x2170, 2, u32);
-  add_measured(0x2170, 3, u64);
-  add_measured(0x2170, 4, time_of_day);
-  add_count(0x2180, 4);  // counter of samples
-  add_measured(0x2180, 1, u8);
-  add_measured(0x2180, 2, u16);
-  add_measured(0x2180, 3, u32);
-  add_measured(0x2180, 4, u64);
-  add_count(0x2190, 3);  // status, as 1002: its low bits
-  add_measured(0x2190, 1, u8);
-  add_measured(0x2190, 2, u16);
-  add_measured(0x2190, 3, u32);
+  add_all_measured(0x2150, {u32, f32});  // pressure: 0.01 Pa, Pa
+  add_all_measured(0x2160, {i16, f32});  // temperature: 0.01 degree Celsius, degrees Celsius
+  // Time of the sample: 100 us, 1 us and 1 ns of the device's clock; time of day, by TIME.
+  add_all_measured(0x2170, {u16, u32, u64, time_of_day});
+  add_all_measured(0x2180, {u8, u16, u32, u64});  // counter of samples
+  add_all_measured(0x2190, {u8, u16, u32});       // status, as 1002: its low bits
 
   // Inclinometer (CiA 410): resolution in 0.001 degree, and for each slope its value, operating parameter, preset,
   // offset, differential offset.

@@ -73,7 +73,7 @@ void SdoServer::receive(Request request, DeviceTime now, FrameBuffer& out) noexc
         break;
     }
   }
-  if (transfer_ != Transfer::none) alarms_.set(Alarm::sdo_timeout, now + timeout);
+  if (transfer_ != Transfer::none) node_.alarms.set(Alarm::sdo_timeout, now + timeout);
 }
 
 void SdoServer::time_out(FrameBuffer& out) noexcept { abort(Abort::timeout, out); }
@@ -84,7 +84,7 @@ void SdoServer::time_out(FrameBuffer& out) noexcept { abort(Abort::timeout, out)
 bool SdoServer::open(Request request, FrameBuffer& out) noexcept {
   address(request);
   size_ = done_ = 0;
-  const Abort refused = access_.read(index_, sub_, std::span(data_).first(longest_text), size_);
+  const Abort refused = node_.read(index_, sub_, std::span(data_).first(longest_text), size_);
   if (refused != Abort::none) abort(refused, out);
   return refused == Abort::none;
 }
@@ -150,7 +150,7 @@ void SdoServer::begin_receiving(bool has_size, Request request, FrameBuffer& out
   announced_.reset();
   if (has_size) announced_ = static_cast<std::size_t>(read_little(request.last<4>()));
   size_ = 0;
-  const Abort refused = access_.check_write(index_, sub_, announced_);
+  const Abort refused = node_.check_write(index_, sub_, announced_);
   if (refused != Abort::none) return abort(refused, out);
   transfer_ = Transfer::download;
 }
@@ -176,9 +176,9 @@ bool SdoServer::append(std::span<const std::byte> bytes) noexcept {
 // Writes the object, and answers with `message`, or with the cause of the refusal.
 void SdoServer::store(std::span<const std::byte> value, const Message& message, DeviceTime now,
                       FrameBuffer& out) noexcept {
-  Abort refused = access_.check_write(index_, sub_, value.size());
+  Abort refused = node_.check_write(index_, sub_, value.size());
   if (refused == Abort::none && announced_ && *announced_ != value.size()) refused = Abort::length;
-  if (refused == Abort::none) refused = access_.write(index_, sub_, value, now);
+  if (refused == Abort::none) refused = node_.write(index_, sub_, value, now);
   if (refused != Abort::none) return abort(refused, out);
   answer(message, out);
   finish();
@@ -247,7 +247,7 @@ void SdoServer::start_block(DeviceTime now, FrameBuffer& out) noexcept {
 }
 
 void SdoServer::continue_block(DeviceTime now, FrameBuffer& out) noexcept {
-  alarms_.clear(Alarm::sdo_block);
+  node_.alarms.clear(Alarm::sdo_block);
   if (transfer_ != Transfer::block_upload) return;
   for (unsigned i = 0; i < burst; ++i) {
     if (is_block_sent()) return;
@@ -257,7 +257,7 @@ void SdoServer::continue_block(DeviceTime now, FrameBuffer& out) noexcept {
     std::copy_n(data_.begin() + static_cast<std::ptrdiff_t>(begin), size, message.begin() + 1);
     answer(message, out);
   }
-  if (!is_block_sent()) alarms_.set(Alarm::sdo_block, now + between_bursts);
+  if (!is_block_sent()) node_.alarms.set(Alarm::sdo_block, now + between_bursts);
 }
 
 bool SdoServer::is_block_sent() const noexcept {
@@ -311,8 +311,8 @@ void SdoServer::abort(Abort code, FrameBuffer& out) noexcept {
 void SdoServer::finish() noexcept {
   transfer_ = Transfer::none;
   announced_.reset();
-  alarms_.clear(Alarm::sdo_timeout);
-  alarms_.clear(Alarm::sdo_block);
+  node_.alarms.clear(Alarm::sdo_timeout);
+  node_.alarms.clear(Alarm::sdo_block);
 }
 
 // CRC-16 with polynomial 0x1021 from 0 (CiA 301, 7.2.4.3.16).

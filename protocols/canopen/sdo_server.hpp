@@ -6,32 +6,15 @@
 #include <optional>
 #include <span>
 
-#include "protocols/canopen/object_dictionary.hpp"
+#include "protocols/canopen/node.hpp"
 
 namespace imud::canopen {
-
-// The objects behind the server.
-class ObjectAccess {
- public:
-  // Copies the value of an object to `value`, which has room for longest_text bytes, and sets `size`.
-  virtual Abort read(std::uint16_t index, std::uint8_t sub, std::span<std::byte> value,
-                     std::size_t& size) noexcept = 0;
-  // Returns the reason why no value of that size can be written, or Abort::none. nullopt: the size is not known yet.
-  virtual Abort check_write(std::uint16_t index, std::uint8_t sub,
-                            std::optional<std::size_t> size) const noexcept = 0;
-  // Writes a value that check_write() allows. Returns the reason why the object does not accept it, or Abort::none.
-  virtual Abort write(std::uint16_t index, std::uint8_t sub, std::span<const std::byte> value,
-                      DeviceTime now) noexcept = 0;
-
- protected:
-  ~ObjectAccess() = default;
-};
 
 class SdoServer {
  public:
   using Request = std::span<const std::byte, 8>;
 
-  SdoServer(ObjectAccess& access, Alarms& alarms) noexcept : access_(access), alarms_(alarms) {}
+  explicit SdoServer(Node& node) noexcept : node_(node) {}
 
   // Ends a transfer silently. `node_id` is the one whose requests are answered.
   void reset(unsigned node_id) noexcept;
@@ -82,8 +65,7 @@ class SdoServer {
   void finish() noexcept;
   std::uint16_t crc() const noexcept;
 
-  ObjectAccess& access_;
-  Alarms& alarms_;
+  Node& node_;
   unsigned node_id_ = 0;
   std::uint64_t aborts_ = 0;
 
