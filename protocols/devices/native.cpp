@@ -76,19 +76,9 @@ class NativeDevice final : public Device {
   }
 };
 
-class NativeDecoder final : public Decoder {
- public:
-  void feed(const Frame& frame, MeasurementSink& sink) override {
-    errors_.skipped_bytes +=
-        search_.feed(frame.bytes, [&](std::span<const std::byte> held) { return parse(held, sink); });
-  }
-
-  void finish(MeasurementSink&) override { errors_.skipped_bytes += search_.finish(); }
-
+class NativeDecoder final : public FrameDecoder<sizeof(Wire)> {
  private:
-  using Search = FrameSearch<sizeof(Wire)>;
-
-  std::size_t parse(std::span<const std::byte> held, MeasurementSink& sink) {
+  std::size_t parse(std::span<const std::byte> held, MeasurementSink& sink) override {
     if (std::memcmp(held.data(), start, std::min(held.size(), sizeof start)) != 0) return Search::reject;
     if (held.size() < sizeof(Wire)) return Search::need_more;
     const auto wire = read_wire<Wire>(held);
@@ -119,8 +109,6 @@ class NativeDecoder final : public Decoder {
     return s.rate.allFinite() && s.specific_force.allFinite() && s.delta_angle.allFinite() &&
            s.delta_velocity.allFinite() && std::isfinite(s.temperature_c);
   }
-
-  Search search_;
 };
 
 }  // namespace

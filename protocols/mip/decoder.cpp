@@ -6,18 +6,9 @@ namespace imud::mip {
 namespace {
 
 // Decodes sensor data packets. Packets of other sets are checked, and then ignored.
-class MipDecoder final : public Decoder {
- public:
-  void feed(const Frame& frame, MeasurementSink& sink) override {
-    errors_.skipped_bytes +=
-        search_.feed(frame.bytes, [&](std::span<const std::byte> held) { return parse(held, sink); });
-  }
-  void finish(MeasurementSink&) override { errors_.skipped_bytes += search_.finish(); }
-
+class MipDecoder final : public FrameDecoder<longest> {
  private:
-  using Search = FrameSearch<longest>;
-
-  std::size_t parse(std::span<const std::byte> held, MeasurementSink& sink) {
+  std::size_t parse(std::span<const std::byte> held, MeasurementSink& sink) override {
     const auto size = packet_size(held);
     if (!size) return Search::reject;
     if (held.size() < *size) return Search::need_more;
@@ -76,8 +67,6 @@ class MipDecoder final : public Decoder {
       sink.on_measurement(measurement);
     return *size;
   }
-
-  Search search_;
 };
 
 }  // namespace

@@ -13,19 +13,11 @@ std::optional<unsigned> content_of(unsigned id) noexcept {
   return std::nullopt;
 }
 
-class DatagramDecoder final : public Decoder {
+class DatagramDecoder final : public FrameDecoder<longest_datagram> {
  public:
   explicit DatagramDecoder(const Configuration& configuration) : c_(configuration) {}
 
-  void feed(const Frame& frame, MeasurementSink& sink) override {
-    errors_.skipped_bytes +=
-        search_.feed(frame.bytes, [&](std::span<const std::byte> held) { return parse(held, sink); });
-  }
-  void finish(MeasurementSink&) override { errors_.skipped_bytes += search_.finish(); }
-
  private:
-  using Search = FrameSearch<longest_datagram>;
-
   static std::uint64_t get(std::span<const std::byte>& bytes, unsigned count) noexcept {
     std::uint64_t number = 0;
     for (unsigned i = 0; i < count; ++i) number = number << 8 | std::to_integer<std::uint64_t>(bytes[i]);
@@ -37,7 +29,7 @@ class DatagramDecoder final : public Decoder {
     return static_cast<double>(static_cast<std::int64_t>(get(bytes, count) << shift) >> shift);
   }
 
-  std::size_t parse(std::span<const std::byte> held, MeasurementSink& sink) {
+  std::size_t parse(std::span<const std::byte> held, MeasurementSink& sink) override {
     const auto id = std::to_integer<unsigned>(held[0]);
     const std::size_t size = datagram_size_of(id);
     if (size == 0) return Search::reject;
@@ -104,7 +96,6 @@ class DatagramDecoder final : public Decoder {
   }
 
   Configuration c_;
-  Search search_;
 };
 
 }  // namespace

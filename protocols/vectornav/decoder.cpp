@@ -8,18 +8,9 @@
 namespace imud::vectornav {
 namespace {
 
-class VectorNavDecoder final : public Decoder {
- public:
-  void feed(const Frame& frame, MeasurementSink& sink) override {
-    errors_.skipped_bytes +=
-        search_.feed(frame.bytes, [&](std::span<const std::byte> held) { return parse(held, sink); });
-  }
-  void finish(MeasurementSink&) override { errors_.skipped_bytes += search_.finish(); }
-
+class VectorNavDecoder final : public FrameDecoder<longest> {
  private:
-  using Search = FrameSearch<longest>;
-
-  std::size_t parse(std::span<const std::byte> held, MeasurementSink& sink) {
+  std::size_t parse(std::span<const std::byte> held, MeasurementSink& sink) override {
     if (held[0] == std::byte{0xFA}) return parse_binary(held, sink);
     if (held[0] == std::byte{'$'}) return parse_text(held, sink);
     return Search::reject;
@@ -154,8 +145,6 @@ class VectorNavDecoder final : public Decoder {
       sink.on_measurement(m);
     }
   }
-
-  Search search_;
 };
 
 }  // namespace

@@ -8,6 +8,8 @@
 #include <cstring>
 #include <span>
 
+#include "protocols/protocol.hpp"
+
 namespace imud {
 
 // Holds the bytes of at most one frame of up to `MaxFrame` bytes, and calls a parser, which defines the frame.
@@ -69,6 +71,26 @@ class FrameSearch {
 
   std::array<std::byte, MaxFrame> held_;
   std::size_t count_ = 0;
+};
+
+// The base class of a decoder of frames of up to `MaxFrame` bytes.
+template <std::size_t MaxFrame>
+class FrameDecoder : public Decoder {
+ public:
+  void feed(const Frame& frame, MeasurementSink& sink) final {
+    errors_.skipped_bytes +=
+        search_.feed(frame.bytes, [&](std::span<const std::byte> held) { return parse(held, sink); });
+  }
+  void finish(MeasurementSink&) final { errors_.skipped_bytes += search_.finish(); }
+
+ protected:
+  using Search = FrameSearch<MaxFrame>;
+
+ private:
+  // The parser of the search.
+  virtual std::size_t parse(std::span<const std::byte> held, MeasurementSink& sink) = 0;
+
+  Search search_;
 };
 
 }  // namespace imud
