@@ -1,5 +1,7 @@
 #include "protocols/dronecan/services.hpp"
 
+#include <algorithm>
+
 #include "protocols/wire/frame_writer.hpp"
 
 namespace imud::dronecan {
@@ -7,25 +9,9 @@ namespace {
 
 using Request = FieldReader<order::little>;
 
-constexpr unsigned file_not_implemented = 38, update_invalid_mode = 1, enumeration_unsupported = 3, shell_error = 2;
-constexpr unsigned ok_bit = 0x80;  // a bool that is followed by padding
+using Bytes = std::span<const std::byte>;
 
-constexpr DataType get_node_info{1, true, 0xEE468A8121C46A9E, "uavcan.protocol.GetNodeInfo"};
-constexpr DataType get_data_type_info{2, true, 0x1B283338A7BED2D8, "uavcan.protocol.GetDataTypeInfo"};
-constexpr DataType get_transport_stats{4, true, 0xBE6F76A7EC312B04, "uavcan.protocol.GetTransportStats"};
-constexpr DataType restart_node{5, true, 0x569E05394A3017F0, "uavcan.protocol.RestartNode"};
-constexpr DataType access_command_shell{6, true, 0x59276B5921C9246E, "uavcan.protocol.AccessCommandShell"};
-constexpr DataType execute_opcode{10, true, 0x3B131AC5EB69D2CD, "uavcan.protocol.param.ExecuteOpcode"};
-constexpr DataType get_set{11, true, 0xA7B622F939D1A4D5, "uavcan.protocol.param.GetSet"};
-constexpr DataType begin_enumeration{15, true, 0x196AE06426A3B5D8, "uavcan.protocol.enumeration.Begin"};
-constexpr DataType begin_firmware_update{40, true, 0xB7D725DF72724126, "uavcan.protocol.file.BeginFirmwareUpdate"};
-constexpr DataType file_get_info{45, true, 0x5004891EE8A27531, "uavcan.protocol.file.GetInfo"};
-constexpr DataType file_get_directory_entry_info{46, true, 0x8C46E8AB568BDA79,
-                                                 "uavcan.protocol.file.GetDirectoryEntryInfo"};
-constexpr DataType file_delete{47, true, 0x78648C99170B47AA, "uavcan.protocol.file.Delete"};
-constexpr DataType file_read{48, true, 0x8DCDCA939F33F678, "uavcan.protocol.file.Read"};
-constexpr DataType file_write{49, true, 0x515AA1DC77E58429, "uavcan.protocol.file.Write"};
-constexpr DataType tunnel_call{63, true, 0xDB11EDC510502658, "uavcan.tunnel.Call"};
+constexpr unsigned ok_bit = 0x80;  // a bool that is followed by padding
 
 // The tags of param.Value and param.NumericValue.
 enum Tag : unsigned { empty, integer, real, boolean, text };
@@ -51,7 +37,7 @@ struct TransportStatsWire {
 };
 static_assert(sizeof(TransportStatsWire) == 36);
 
-void put_node_info(const Node& node, DeviceTime now, Payload& response) noexcept {
+Served serve_node_info(Bytes, DeviceTime now, Node& node, Payload& response) noexcept {
   const Identity& identity = node.identity;
   response.put(NodeInfoWire{.status = node.status(now),
                             .software_major = identity.software.major,
@@ -64,14 +50,17 @@ void put_node_info(const Node& node, DeviceTime now, Payload& response) noexcept
                             .unique_id = identity.unique_id,
                             .certificate_size = 0});
   response.put_text(identity.name);
+  return Served::answered;
 }
 
-void put_transport_stats(const TransportStatistics& s, Payload& response) noexcept {
+Served serve_transport_stats(Bytes, DeviceTime, Node& node, Payload& response) noexcept {
   using Count = little_uint48_buf_t;
+  const TransportStatistics& s = node.statistics;
   response.put(TransportStatsWire{Count(s.transfers_sent),
                                   Count(s.transfers_received),
                                   Count(s.transfer_errors),
                                   {Count(s.frames_sent), Count(s.frames_received), Count(s.frame_errors)}});
+  return Served::answered;
 }
 
 // A data type is looked up by its name, or, if that is empty, by its id and kind.
@@ -88,28 +77,20 @@ void put_data_type_info(const DataType* found, std::string_view name, Payload& r
   response.put_text(found != nullptr ? found->name : name);
 }
 
-constexpr std::array services = {&get_node_info, &get_data_type_info,   &get_transport_stats,
-                                 &restart_node,  &access_command_shell, &execute_opcode,
-                                 &get_set,       &begin_enumeration,    &begin_firmware_update,
-                                 &file_get_info, &file_delete,          &file_get_directory_entry_info,
-                                 &file_read,     &file_write,           &tunnel_call};
 constexpr std::array messages = {&node_status,    &global_time_sync, &allocation,      &solution,
                                  &magnetic_field, &raw_imu,          &static_pressure, &static_temperature};
 
-Served serve_data_type_info(std::span<const std::byte> bytes, Payload& response) noexcept {
+// Returns the type with that name, or, if it is empty, with that id and kind; nullptr if there is none.
+const DataType* find_type(std::string_view name, unsigned id, bool is_service) noexcept;
+
+Served serve_data_type_info(Bytes bytes, DeviceTime, Node&, Payload& response) noexcept {
   Request request(bytes);
   const auto id = request.take<std::uint16_t>();
   const bool is_service = request.take<std::uint8_t>() == 0;
   if (!request.is_whole()) return Served::malformed;
   const std::span<const std::byte> rest = bytes.subspan(3);
   const std::string_view name(reinterpret_cast<const char*>(rest.data()), rest.size());
-  const DataType* found = nullptr;
-  const auto look_at = [&](const DataType* type) {
-    if (name.empty() ? type->id == id && type->is_service == is_service : type->name == name) found = type;
-  };
-  for (const DataType* type : services) look_at(type);
-  for (const DataType* type : messages) look_at(type);
-  put_data_type_info(found, name.substr(0, 80), response);
+  put_data_type_info(find_type(name, id, is_service), name.substr(0, 80), response);
   return Served::answered;
 }
 
@@ -123,7 +104,8 @@ void put_value(bool is_flag, std::int64_t value, Payload& response) noexcept {
 
 // A request begins with 13 bits of index and 3 bits of tag. A value of another type than the parameter's, or that is
 // not valid, is not set: the response has the present one.
-Served serve_get_set(std::span<const std::byte> bytes, Memory& memory, Payload& response) noexcept {
+Served serve_get_set(Bytes bytes, DeviceTime, Node& node, Payload& response) noexcept {
+  Memory& memory = node.memory;
   Request request(bytes);
   const auto low = request.take<std::uint8_t>(), high = request.take<std::uint8_t>();
   const unsigned index = low | static_cast<unsigned>(high >> 3) << 8, tag = high & 7U;
@@ -163,7 +145,8 @@ Served serve_get_set(std::span<const std::byte> bytes, Memory& memory, Payload& 
   return Served::answered;
 }
 
-Served serve_opcode(std::span<const std::byte> bytes, Memory& memory, Payload& response) noexcept {
+Served serve_opcode(Bytes bytes, DeviceTime, Node& node, Payload& response) noexcept {
+  Memory& memory = node.memory;
   constexpr unsigned save = 0, erase = 1;
   if (bytes.size() < 7) return Served::malformed;
   const auto opcode = std::to_integer<unsigned>(bytes[0]);
@@ -174,7 +157,7 @@ Served serve_opcode(std::span<const std::byte> bytes, Memory& memory, Payload& r
   return Served::answered;
 }
 
-Served serve_restart(std::span<const std::byte> bytes, Payload& response) noexcept {
+Served serve_restart(Bytes bytes, DeviceTime, Node&, Payload& response) noexcept {
   constexpr std::uint64_t magic = 0xACCE551B1E;
   if (bytes.size() < sizeof(little_uint40_buf_t)) return Served::malformed;
   const bool ok = read_wire<little_uint40_buf_t>(bytes).value() == magic;
@@ -182,21 +165,51 @@ Served serve_restart(std::span<const std::byte> bytes, Payload& response) noexce
   return ok ? Served::restart : Served::answered;
 }
 
-void put_file_error(Payload& response) noexcept { response.put(little_int16_buf_t(file_not_implemented)); }
+using namespace std::string_view_literals;
+
+// A service that the node only knows has no function, and always the same response.
+struct Service {
+  DataType type;
+  Served (*serve)(Bytes request, DeviceTime now, Node& node, Payload& response) noexcept;
+  std::string_view refusal = "";
+};
+constexpr std::string_view not_implemented = "\x26\0"sv;  // the error of file services
+constexpr Service services[] = {
+    {{1, true, 0xEE468A8121C46A9E, "uavcan.protocol.GetNodeInfo"}, serve_node_info},
+    {{2, true, 0x1B283338A7BED2D8, "uavcan.protocol.GetDataTypeInfo"}, serve_data_type_info},
+    {{4, true, 0xBE6F76A7EC312B04, "uavcan.protocol.GetTransportStats"}, serve_transport_stats},
+    {{5, true, 0x569E05394A3017F0, "uavcan.protocol.RestartNode"}, serve_restart},
+    // The error's code, 1; the flag of an error of the shell.
+    {{6, true, 0x59276B5921C9246E, "uavcan.protocol.AccessCommandShell"}, nullptr, "\1\0\0\0\2no shell"sv},
+    {{10, true, 0x3B131AC5EB69D2CD, "uavcan.protocol.param.ExecuteOpcode"}, serve_opcode},
+    {{11, true, 0xA7B622F939D1A4D5, "uavcan.protocol.param.GetSet"}, serve_get_set},
+    {{15, true, 0x196AE06426A3B5D8, "uavcan.protocol.enumeration.Begin"}, nullptr, "\3"},  // unsupported
+    // Invalid mode.
+    {{40, true, 0xB7D725DF72724126, "uavcan.protocol.file.BeginFirmwareUpdate"}, nullptr, "\1not supported"},
+    // Size 0, the error, no such entry.
+    {{45, true, 0x5004891EE8A27531, "uavcan.protocol.file.GetInfo"}, nullptr, "\0\0\0\0\0\x26\0\0"sv},
+    {{46, true, 0x8C46E8AB568BDA79, "uavcan.protocol.file.GetDirectoryEntryInfo"}, nullptr, "\x26\0\0"sv},
+    {{47, true, 0x78648C99170B47AA, "uavcan.protocol.file.Delete"}, nullptr, not_implemented},
+    {{48, true, 0x8DCDCA939F33F678, "uavcan.protocol.file.Read"}, nullptr, not_implemented},
+    {{49, true, 0x515AA1DC77E58429, "uavcan.protocol.file.Write"}, nullptr, not_implemented},
+    {{63, true, 0xDB11EDC510502658, "uavcan.tunnel.Call"}, nullptr},
+};
+
+const DataType* find_type(std::string_view name, unsigned id, bool is_service) noexcept {
+  const auto is_it = [&](const DataType& type) {
+    return name.empty() ? type.id == id && type.is_service == is_service : type.name == name;
+  };
+  for (const Service& service : services)
+    if (is_it(service.type)) return &service.type;
+  for (const DataType* message : messages)
+    if (is_it(*message)) return message;
+  return nullptr;
+}
 
 }  // namespace
 
-const DataType* find_service(unsigned id) noexcept {
-  for (const DataType* service : services)
-    if (service->id == id) return service;
-  return nullptr;
-}
-
-const DataType* find_message(unsigned id) noexcept {
-  for (const DataType* message : messages)
-    if (message->id == id) return message;
-  return nullptr;
-}
+const DataType* find_service(unsigned id) noexcept { return find_type("", id, true); }
+const DataType* find_message(unsigned id) noexcept { return find_type("", id, false); }
 
 std::span<std::byte> reseal(std::span<std::byte> data, const CanHeader& can) noexcept {
   const Identifier identifier = Identifier::parse(can.id);
@@ -214,50 +227,9 @@ std::size_t transfer_frames(std::span<const Frame> frames) noexcept {
 
 Served serve(const DataType& service, std::span<const std::byte> request, DeviceTime now, Node& node,
              Payload& response) noexcept {
-  switch (service.id) {
-    case get_node_info.id:
-      put_node_info(node, now, response);
-      break;
-    case get_data_type_info.id:
-      return serve_data_type_info(request, response);
-    case get_transport_stats.id:
-      put_transport_stats(node.statistics, response);
-      break;
-    case restart_node.id:
-      return serve_restart(request, response);
-    case access_command_shell.id:
-      response.put(little_int32_buf_t(1));  // the error's code
-      response.put_byte(shell_error);
-      response.put_text("no shell");
-      break;
-    case execute_opcode.id:
-      return serve_opcode(request, node.memory, response);
-    case get_set.id:
-      return serve_get_set(request, node.memory, response);
-    case begin_enumeration.id:
-      response.put_byte(enumeration_unsupported);
-      break;
-    case begin_firmware_update.id:
-      response.put_byte(update_invalid_mode);
-      response.put_text("not supported");
-      break;
-    case file_get_info.id:
-      response.put(little_uint40_buf_t(0));
-      put_file_error(response);
-      response.put_byte(0);  // there is no such entry
-      break;
-    case file_get_directory_entry_info.id:
-      put_file_error(response);
-      response.put_byte(0);
-      break;
-    case file_delete.id:
-    case file_read.id:
-    case file_write.id:
-      put_file_error(response);
-      break;
-    default:  // the tunnel's response is empty
-      break;
-  }
+  const auto& known = *std::ranges::find(services, service.id, [](const Service& one) { return one.type.id; });
+  if (known.serve != nullptr) return known.serve(request, now, node, response);
+  response.put_text(known.refusal);
   return Served::answered;
 }
 
