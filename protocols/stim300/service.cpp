@@ -2,6 +2,8 @@
 // prompt.
 #include "protocols/stim300/service.hpp"
 
+#include <algorithm>
+
 #include "protocols/stim300/service_text.hpp"
 
 namespace imud::stim300 {
@@ -17,13 +19,6 @@ constexpr std::array<std::string_view, 9> errors = {"",
                                                     "",
                                                     "DATAGRAM WILL BE TOO LONG TO TRANSMIT",
                                                     "BIAS TRIM OFFSET(S) SET TO MIN OR MAX"};
-
-// Returns the index in `letters` of a parameter of one letter; nullopt if it is not there.
-std::optional<unsigned> index(std::string_view parameter, std::string_view letters) noexcept {
-  const std::size_t at = letters.find(parameter);
-  if (parameter.size() != 1 || parameter == " " || at == std::string_view::npos) return std::nullopt;
-  return static_cast<unsigned>(at);
-}
 
 constexpr std::string_view axes = "xyz", sensors = "gai";
 
@@ -44,9 +39,8 @@ class Service::Menu {
 
  private:
   Error command(std::string_view line) noexcept {
-    const char letter = line[0];
-    constexpr std::string_view known = "abcdfghimrstuxz?";
-    if (known.find(letter) == std::string_view::npos) return unknown;
+    const auto* const known = std::ranges::find(commands, line[0], &Command::letter);
+    if (known == std::end(commands)) return unknown;
     if (line.size() > 1 && line[1] != ' ') return bad_count;
     for (line.remove_prefix(std::min<std::size_t>(line.size(), 2)); !line.empty();) {
       if (count_ == parameters_.size()) return bad_count;
@@ -56,47 +50,29 @@ class Service::Menu {
       parameters_[count_++] = word;
       line.remove_prefix(std::min(comma + 1, line.size()));
     }
-    switch (letter) {
-      case 'a':
-        if (c_.sample_rate == external_trigger) return unknown;
-        return count_ != 0 ? bad_count : (print_measurement(text_, measured_, reading_), none);
-      case 'b':
-        return trim();
-      case 'c':
-        return count_ != 0 ? bad_count : (print_diagnostic(text_, memory_), none);
-      case 'd':
-        return datagram();
-      case 'f':
-        return filter();
-      case 'g':
-        return g_compensation();
-      case 'h':
-        return system();
-      case 'i':
-        return information();
-      case 'm':
-        return sample_rate();
-      case 'r':
-        return line_termination();
-      case 's':
-        return count_ != 0 ? bad_count : ask(Question::save);
-      case 't':
-        return transmission();
-      case 'u':
-        return unit();
-      case 'x':
-        return exit();
-      case 'z':
-        if (count_ > 1) return bad_count;
-        if (count_ == 1 && parameters_[0] != "s") return bad_parameter;
-        return ask(count_ == 1 ? Question::factory_and_save : Question::factory);
-      default:
-        return print_help();
-    }
+    if (known->execute == &Menu::measurement && c_.sample_rate == external_trigger) return unknown;
+    if (count_ < known->fewest || count_ > known->most) return bad_count;
+    return (this->*known->execute)();
+  }
+
+  Error measurement() noexcept {
+    print_measurement(text_, measured_, reading_);
+    return none;
+  }
+
+  Error diagnostic() noexcept {
+    print_diagnostic(text_, memory_);
+    return none;
+  }
+
+  Error ask_save() noexcept { return ask(Question::save); }
+
+  Error factory() noexcept {
+    if (count_ == 1 && parameters_[0] != "s") return bad_parameter;
+    return ask(count_ == 1 ? Question::factory_and_save : Question::factory);
   }
 
   Error trim() noexcept {
-    if (count_ < 1 || count_ > 3) return bad_count;
     if (count_ == 2 && parameters_[1] == "r") {
       const auto reference = number_in<std::uint32_t>(parameters_[0]);
       if (!reference) return bad_parameter;
@@ -124,7 +100,6 @@ class Service::Menu {
   }
 
   Error datagram() noexcept {
-    if (count_ != 2) return bad_count;
     const auto content = index(parameters_[0], "01234567lmnpqrst"), cr_lf = index(parameters_[1], "01");
     if (!content || !cr_lf) return bad_parameter;
     Configuration changed = c_;
@@ -137,7 +112,6 @@ class Service::Menu {
   }
 
   Error filter() noexcept {
-    if (count_ < 1 || count_ > 3) return bad_count;
     const auto code = index(parameters_[0], "01234");
     const auto sensor = count_ > 1 ? index(parameters_[1], "gaip") : 4;
     const auto axis = count_ > 2 ? index(parameters_[2], axes) : 3;
@@ -193,7 +167,6 @@ class Service::Menu {
   }
 
   Error system() noexcept {
-    if (count_ != 2) return bad_count;
     const auto which = index(parameters_[0], "vtb");
     if (!which) return bad_parameter;
     const auto setting = index(parameters_[1], *which == 0 ? "53" : "01");
@@ -204,7 +177,6 @@ class Service::Menu {
   }
 
   Error information() noexcept {
-    if (count_ > 1) return bad_count;
     if (count_ == 0) {
       print_information(text_, memory_);
       return none;
@@ -214,7 +186,6 @@ class Service::Menu {
   }
 
   Error sample_rate() noexcept {
-    if (count_ != 1) return bad_count;
     const auto code = index(parameters_[0], "012345");
     if (!code) return bad_parameter;
     c_.sample_rate = *code;
@@ -223,7 +194,6 @@ class Service::Menu {
   }
 
   Error line_termination() noexcept {
-    if (count_ != 1) return bad_count;
     const auto on = index(parameters_[0], "01");
     if (!on) return bad_parameter;
     c_.line_termination = *on != 0;
@@ -256,7 +226,6 @@ class Service::Menu {
   }
 
   Error unit() noexcept {
-    if (count_ != 2) return bad_count;
     const auto sensor = index(parameters_[0], "gaip");
     if (!sensor) return bad_parameter;
     const auto code = index(parameters_[1], *sensor == 0 ? "0123    89ab" : *sensor == 3 ? "0123" : "01234");
@@ -272,7 +241,6 @@ class Service::Menu {
   }
 
   Error exit() noexcept {
-    if (count_ != 1) return bad_count;
     const auto where = index(parameters_[0], "niNI");
     if (!where) return bad_parameter;
     const bool to_init = *where % 2 != 0, at_once = *where >= 2;
@@ -289,7 +257,6 @@ class Service::Menu {
   }
 
   Error print_help() noexcept {
-    if (count_ > 1) return bad_count;
     const std::string_view about = count_ == 0 ? "?" : parameters_[0];
     if (about.size() != 1 || help(about[0]).empty() || (count_ == 1 && about == "?")) return bad_parameter;
     text_.add(help(about[0]));
@@ -367,6 +334,20 @@ class Service::Menu {
     text_.line("NUMBER OF SAVES = ", unsigned{Memory::saves} - memory_.saves_left);
     return within ? none : too_many_saves;
   }
+
+  struct Command {
+    char letter;
+    std::size_t fewest, most;  // parameters; some commands accept only some of these numbers
+    Error (Menu::*execute)() noexcept;
+  };
+  static constexpr Command commands[] = {{'a', 0, 0, &Menu::measurement}, {'b', 1, 3, &Menu::trim},
+                                         {'c', 0, 0, &Menu::diagnostic},  {'d', 2, 2, &Menu::datagram},
+                                         {'f', 1, 3, &Menu::filter},      {'g', 1, 8, &Menu::g_compensation},
+                                         {'h', 2, 2, &Menu::system},      {'i', 0, 1, &Menu::information},
+                                         {'m', 1, 1, &Menu::sample_rate}, {'r', 1, 1, &Menu::line_termination},
+                                         {'s', 0, 0, &Menu::ask_save},    {'t', 1, 5, &Menu::transmission},
+                                         {'u', 2, 2, &Menu::unit},        {'x', 1, 1, &Menu::exit},
+                                         {'z', 0, 1, &Menu::factory},     {'?', 0, 1, &Menu::print_help}};
 
   Service& service_;
   Memory& memory_;

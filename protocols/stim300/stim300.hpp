@@ -237,6 +237,13 @@ inline constexpr char part_revision = 'K';
 inline constexpr unsigned firmware_revision = 0;
 inline constexpr std::string_view serial_number = "N25582405002002";
 
+// Returns the index in `letters` of a parameter of one letter; nullopt if it is not there.
+inline std::optional<unsigned> index(std::string_view parameter, std::string_view letters) noexcept {
+  const std::size_t at = letters.find(parameter);
+  if (parameter.size() != 1 || parameter == " " || at == letters.npos) return std::nullopt;
+  return static_cast<unsigned>(at);
+}
+
 // Utility Mode. greet() appends the answer to the command that enters it. execute() executes one line of the host,
 // given without its end, and appends the answer; it returns false if the line exits Utility Mode.
 void greet(FrameBuffer& replies) noexcept;

@@ -113,11 +113,6 @@ class Command {
   }
   static unsigned sent(Answer&& answer) noexcept { return sent(answer); }
   bool has_wrong_count(std::size_t wanted) const noexcept { return parameters_.size() != wanted; }
-  static std::optional<unsigned> index(std::string_view parameter, std::string_view letters) noexcept {
-    const std::size_t at = letters.find(parameter);
-    if (parameter.size() != 1 || parameter == " " || at == std::string_view::npos) return std::nullopt;
-    return static_cast<unsigned>(at);
-  }
   static constexpr std::string_view axes = "xyz", capitals = "XYZ";
 
   // Settings that a command "i..." reads and "s..." writes, each as one letter of a list.
