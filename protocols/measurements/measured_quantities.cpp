@@ -88,57 +88,31 @@ double track(const Reading& reading) noexcept {
 double climb(const Reading& reading) noexcept { return -reading.sample.navigation.v_L.z(); }
 
 // --- Calendar: UTC in the present number of leap seconds; 0 where the time is not known ---
-using Day = std::chrono::sys_days;
-template <class Part>
-double if_known(const Reading& reading, Part part) noexcept {
-  return reading.sample.navigation.is_known
-             ? static_cast<double>(part(utc_from_gps(reading.sample.navigation.gps_ns)))
-             : 0;
+namespace chrono = std::chrono;
+using Utc = chrono::sys_time<Nanoseconds>;
+template <auto Part>
+double utc(const Reading& reading) noexcept {
+  const Navigation& navigation = reading.sample.navigation;
+  return navigation.is_known ? static_cast<double>(Part(utc_from_gps(navigation.gps_ns))) : 0;
 }
-std::chrono::year_month_day date(std::chrono::sys_time<Nanoseconds> time) noexcept {
-  return std::chrono::floor<std::chrono::days>(time);
-}
+chrono::year_month_day date(Utc at) noexcept { return chrono::floor<chrono::days>(at); }
 template <class Unit, class Whole>  // the number of `Unit`s since the last full `Whole`
-auto since(std::chrono::sys_time<Nanoseconds> time) noexcept {
-  return std::chrono::floor<Unit>(time - std::chrono::floor<Whole>(time)).count();
+std::int64_t since(Utc at) noexcept {
+  return chrono::floor<Unit>(at - chrono::floor<Whole>(at)).count();
 }
 
-double year_of(const Reading& r) noexcept {
-  return if_known(r, [](auto time) { return int{date(time).year()}; });
-}
-double month_of(const Reading& r) noexcept {
-  return if_known(r, [](auto time) { return unsigned{date(time).month()}; });
-}
-double day_of(const Reading& r) noexcept {
-  return if_known(r, [](auto time) { return unsigned{date(time).day()}; });
-}
-double hour_of(const Reading& r) noexcept {
-  return if_known(r, [](auto time) { return since<std::chrono::hours, std::chrono::days>(time); });
-}
-double minute_of(const Reading& r) noexcept {
-  return if_known(r, [](auto time) { return since<std::chrono::minutes, std::chrono::hours>(time); });
-}
-double second_of(const Reading& r) noexcept {
-  return if_known(r, [](auto time) { return since<std::chrono::seconds, std::chrono::minutes>(time); });
-}
+int year(Utc at) noexcept { return int{date(at).year()}; }
+unsigned month(Utc at) noexcept { return unsigned{date(at).month()}; }
+unsigned day(Utc at) noexcept { return unsigned{date(at).day()}; }
 // Rounded down to 0.1 ms, so that a field of that resolution never shows the next second.
-double subsecond_of(const Reading& r) noexcept {
-  return if_known(r, [](auto time) {
-    return 1e-4 * static_cast<double>(since<Nanoseconds, std::chrono::seconds>(time) / 100'000);
-  });
+double subsecond(Utc at) noexcept {
+  return 1e-4 * static_cast<double>(since<Nanoseconds, chrono::seconds>(at) / 100'000);
 }
-double day_of_year(const Reading& r) noexcept {
-  return if_known(r, [](auto time) {
-    const Day day = std::chrono::floor<std::chrono::days>(time);
-    return (day - Day(date(time).year() / std::chrono::January / 1)).count() + 1;
-  });
+std::int64_t day_of_year(Utc at) noexcept {
+  return (chrono::floor<chrono::days>(at) - chrono::sys_days(date(at).year() / chrono::January / 1)).count() + 1;
 }
-double time_of_day(const Reading& r) noexcept {
-  return if_known(r, [](auto time) { return since<Nanoseconds, std::chrono::days>(time); }) * 1e-9;
-}
-double unix_time(const Reading& r) noexcept {
-  return if_known(r, [](auto time) { return time.time_since_epoch().count(); }) * 1e-9;
-}
+double time_of_day(Utc at) noexcept { return 1e-9 * static_cast<double>(since<Nanoseconds, chrono::days>(at)); }
+double unix_time(Utc at) noexcept { return 1e-9 * static_cast<double>(at.time_since_epoch().count()); }
 double time_of_week(const Reading& r) noexcept {
   return r.sample.navigation.is_known ? 1e-9 * static_cast<double>(r.sample.navigation.gps_ns % gps_week_ns) : 0;
 }
@@ -226,16 +200,16 @@ constexpr MeasuredQuantity quantities[] = {
     {"r_E_y", "", key_units::length, position<1>},
     {"r_E_z", "", key_units::length, position<2>},
     {"time", "clock of the sensor; wraps", key_units::time, nullptr, nullptr, time},
-    {"utc_year", "UTC; all are 0 where the truth has no date", {}, year_of},
-    {"utc_month", "", {}, month_of},
-    {"utc_day", "", {}, day_of},
-    {"utc_hour", "", {}, hour_of},
-    {"utc_minute", "", {}, minute_of},
-    {"utc_second", "", {}, second_of},
-    {"day_of_year", "from 1", {}, day_of_year},
-    {"time_of_day", "UTC", key_units::time, time_of_day},
-    {"unix_time", "UTC, since 1970", key_units::time, unix_time},
-    {"utc_subsecond", "in steps of 0.1 ms", key_units::time, subsecond_of},
+    {"utc_year", "UTC; all are 0 where the truth has no date", {}, utc<year>},
+    {"utc_month", "", {}, utc<month>},
+    {"utc_day", "", {}, utc<day>},
+    {"utc_hour", "", {}, utc<since<chrono::hours, chrono::days>>},
+    {"utc_minute", "", {}, utc<since<chrono::minutes, chrono::hours>>},
+    {"utc_second", "", {}, utc<since<chrono::seconds, chrono::minutes>>},
+    {"day_of_year", "from 1", {}, utc<day_of_year>},
+    {"time_of_day", "UTC", key_units::time, utc<time_of_day>},
+    {"unix_time", "UTC, since 1970", key_units::time, utc<unix_time>},
+    {"utc_subsecond", "in steps of 0.1 ms", key_units::time, utc<subsecond>},
     {"gps_week", "GPS time", {}, gps_week},
     {"gps_time_of_week", "", key_units::time, time_of_week},
     {"sample_counter", "wraps", {}, nullptr, nullptr, counter},
