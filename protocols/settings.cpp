@@ -5,8 +5,7 @@
 #include <cmath>
 #include <optional>
 #include <stdexcept>
-
-#include "protocols/wire/number_text.hpp"
+#include <type_traits>
 
 namespace imud {
 namespace {
@@ -92,8 +91,20 @@ std::optional<std::int64_t> integer_from(std::string_view text) {
   std::string_view digits = text.substr(negative ? 1 : 0);
   const bool hexadecimal = digits.starts_with("0x") || digits.starts_with("0X");
   if (hexadecimal) digits.remove_prefix(2);
-  if (digits.starts_with('-')) return {};
-  return number_in<std::int64_t>((negative ? "-" : "") + std::string(digits), hexadecimal ? 16 : 10);
+  if (digits.empty() || digits.front() == '-') return {};
+  const std::string signed_digits = (negative ? "-" : "") + std::string(digits);
+  std::int64_t value = 0;
+  const auto [end, error] = std::from_chars(signed_digits.data(), signed_digits.data() + signed_digits.size(), value,
+                                            hexadecimal ? 16 : 10);
+  if (error != std::errc{} || end != signed_digits.data() + signed_digits.size()) return {};
+  return value;
+}
+
+std::optional<double> real_from(std::string_view text) {
+  double value = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (error != std::errc{} || end != text.data() + text.size()) return {};
+  return value;
 }
 
 List parse_list(std::string_view text) {
@@ -145,7 +156,7 @@ void Settings::set_text(std::string_view key, std::string_view text) {
                             return text == "true";
                           },
                           [&](std::int64_t) { return parsed(integer_from(text)); },
-                          [&](double) { return parsed(number_in<double>(text)); },
+                          [&](double) { return parsed(real_from(text)); },
                           [&](const std::string&) -> SettingValue { return std::string(text); },
                           [&](const List&) -> SettingValue { return parse_list(text); },
                       },
