@@ -63,29 +63,10 @@ SlcanReader::Result SlcanReader::feed(char byte) noexcept {
 
 SlcanReader::Result SlcanReader::read_line(std::string_view line) noexcept {
   if (line.empty()) return Result::nothing;  // an acknowledgement
-  switch (line.front()) {
-    case 't':
-    case 'T':
-    case 'r':
-    case 'R':
-    case 'd':
-    case 'D':
-    case 'b':
-    case 'B':
-      return read_frame(line) ? Result::frame : Result::malformed;
-    case 'z':
-    case 'Z':  // a frame was queued
-    case 'F':
-    case 'V':
-    case 'v':
-    case 'N':
-    case 'E':
-    case 's':
-    case 'e':  // answers, and reports of errors
-      return Result::nothing;
-    default:
-      return Result::malformed;
-  }
+  // The others: a frame was queued (z, Z); answers, and reports of errors.
+  constexpr std::string_view frames = "tTrRdDbB", others = "zZFVvNEse";
+  if (frames.find(line.front()) != frames.npos) return read_frame(line) ? Result::frame : Result::malformed;
+  return others.find(line.front()) != others.npos ? Result::nothing : Result::malformed;
 }
 
 bool SlcanReader::read_frame(std::string_view line) noexcept {
