@@ -100,7 +100,7 @@ std::uint16_t crc_of(std::span<const std::byte> bytes, std::uint8_t extra) {
 
 PackedTruth make_truth(std::vector<std::string_view> fields, const std::string& acceleration) {
   constexpr std::string_view force = "specific_force";
-  const auto found = std::ranges::find_if(fields, [](std::string_view field) { return field.starts_with(force); });
+  const auto found = std::ranges::find_if(fields, [&](std::string_view field) { return field.starts_with(force); });
   const std::string relative_to_earth = "acceleration" + std::string(found->substr(force.size()));
   if (acceleration == acceleration_choices[1]) *found = relative_to_earth;
   if (acceleration == acceleration_choices[2]) *found = found->ends_with("i16") ? "_:6" : "_:12";
