@@ -76,14 +76,14 @@ class Channel {
   void set_faults(std::span<const ActiveFault> wire, std::span<const ActiveFault> power) noexcept;
 
   // --- Samples, after Sensor::sense() ---
-  // A sample on its way to the device and the ports.
-  struct Outgoing {
+  // A sample on its way to the device and the ports, on a cache line of its own because an EncodingThread may use it.
+  struct alignas(64) Outgoing {
     Sample* sample = nullptr;
     std::optional<TruthTime> truth;  // up to which the device receives edges before it; nullopt: edges are discarded
     bool is_silent = false;          // its frames are discarded
     bool is_shown = false;           // the feed gets it
   };
-  alignas(64) Outgoing prepared;  // by prepare()
+  Outgoing prepared;  // by prepare()
   // Prepares the sample that Sensor::sense() has taken, and sets its faults.
   void prepare(std::optional<TruthTime> truth, bool silent) noexcept;
   // Polls the device's deadlines up to the sample, and sends their frames. Then makes the frames of the sample. If it
@@ -125,8 +125,7 @@ class Channel {
   void apply_filters() noexcept { sensor.set_filters(unit.device().filters()); }
   FeedSample feed_sample() const noexcept;
 
-  // The rest is on another cache line, because an EncodingThread may use it.
-  alignas(64) Outgoing outgoing_;
+  Outgoing outgoing_;
   bool paused_ = false;        // by a command: all frames are discarded, and counted
   int unpublished_ = 0;        // samples that were counted since publish()
   bool is_discarded_ = false;  // encode() sets it: the frames of the sample are not sent
