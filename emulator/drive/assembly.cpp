@@ -51,12 +51,13 @@ Assembly::Assembly(const Config& config, const Ports& ports, const Parts& parts)
               : ahead_  ? reading_from(*ahead_, ports)
                         : ports,
               parts.sink, parts.control),
+      encodes_apart_(threads_ > 1 && EncodingThread::serves(engine_.channels())),
       pacer_(make_pacer(config, engine_.quality())) {}
 
 void Assembly::run(Host& host, const std::atomic<bool>& stop, const Limits& limits) {
   if (repeated_) return repeated_->run(engine_, host, {pace_, limits.duration, limits.awaits_truth}, stop);
   std::optional<EncodingThread> encoding;
-  if (threads_ > 1) engine_.encode_by(&encoding.emplace(engine_.channels().size(), stop));
+  if (encodes_apart_) engine_.encode_by(&encoding.emplace(engine_.channels().size(), stop));
   Loop(engine_, host, *pacer_, {pace_.value_or(PaceOptions{}), limits.duration}, stop).run();
   engine_.encode_by(nullptr);
 }

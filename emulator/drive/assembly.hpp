@@ -31,9 +31,9 @@ class Assembly {
 
   Engine& engine() noexcept { return engine_; }
   const Engine& engine() const noexcept { return engine_; }
-  // Returns how many threads run() uses: Parts::threads, or 1 if the run is no `fast` replay of a file, or is
-  // recorded.
-  unsigned threads() const noexcept { return threads_; }
+  // Returns how many threads the run has: fewer than Parts::threads if it is no `fast` replay of a file, is recorded,
+  // or has an imu whose frames cannot be made apart (EncodingThread::serves()).
+  unsigned threads() const noexcept { return 1U + (ahead_ ? 1U : 0U) + (encodes_apart_ ? 1U : 0U); }
   // RecordedRun::difference(); empty if no record is repeated.
   std::string difference() const { return repeated_ ? repeated_->difference() : std::string(); }
 
@@ -51,6 +51,7 @@ class Assembly {
   std::optional<RecordedRun> repeated_;
   std::optional<ReadAhead> ahead_;
   Engine engine_;
+  const bool encodes_apart_;
   const std::unique_ptr<Pacer> pacer_;
 };
 

@@ -11,7 +11,7 @@ class StoredPieces final : public TruthPieces {
   explicit StoredPieces(std::shared_ptr<const StoredTruths::Content> content) : content_(std::move(content)) {}
   const TruthPiece* next() noexcept override { return at_end() ? nullptr : &content_->pieces[next_++]; }
   bool at_end() const noexcept override { return next_ == content_->pieces.size(); }
-  // At the end.
+  // The counters at the end of the capture.
   const PortCounters& counters() const noexcept override { return content_->counters; }
   std::optional<double> progress() const noexcept override {
     return static_cast<double>(next_) / static_cast<double>(content_->pieces.size());

@@ -16,9 +16,11 @@ EncodingThread::~EncodingThread() {
   thread_.join();
 }
 
-bool EncodingThread::serves(Channel& channel) noexcept {
-  return !channel.faults && !channel.sync && channel.lines.copies().empty() &&
-         std::ranges::none_of(channel.lines.all(), &DeviceLine::listens);
+bool EncodingThread::serves(std::span<const std::unique_ptr<Channel>> channels) noexcept {
+  return std::ranges::all_of(channels, [](const auto& channel) {
+    return !channel->faults && !channel->sync && channel->lines.copies().empty() &&
+           std::ranges::none_of(channel->lines.all(), &DeviceLine::listens);
+  });
 }
 
 void EncodingThread::put(std::span<Channel* const> prepared) noexcept {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <atomic>
+#include <memory>
 #include <span>
 #include <thread>
 #include <vector>
@@ -25,8 +26,8 @@ class EncodingThread {
   EncodingThread(const EncodingThread&) = delete;
   EncodingThread& operator=(const EncodingThread&) = delete;
 
-  // Returns true if the frames of the imu may be made here.
-  static bool serves(Channel& channel) noexcept;
+  // Returns true if the frames of all these imus may be made here.
+  static bool serves(std::span<const std::unique_ptr<Channel>> channels) noexcept;
 
   // The sampling thread: passes on the prepared samples of an instant. Waits while samples are many batches ahead.
   void put(std::span<Channel* const> prepared) noexcept;

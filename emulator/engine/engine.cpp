@@ -72,9 +72,7 @@ void Engine::finish_encoding() noexcept {
 
 // Called after each step that may change faults or ports.
 void Engine::look_at_imus() noexcept {
-  may_encode_apart_ =
-      encoding_ != nullptr && !sink_.keeps() &&
-      std::ranges::all_of(channels_, [](const auto& channel) { return EncodingThread::serves(*channel); });
+  may_encode_apart_ = encoding_ != nullptr && !sink_.keeps() && EncodingThread::serves(channels_);
   is_apart_ = is_apart_ && may_encode_apart_;
 }
 
@@ -213,6 +211,7 @@ void Engine::advance(TruthTime until) noexcept {
     channel.sensor.sense(timeline_, time, k);
     Sample& sample = channel.sensor.sample();
     if (step.at_once) {
+      finish_encoding();
       channel.prepare(time, false);
       channel.encode(channel.prepared);
       channel.transmit();

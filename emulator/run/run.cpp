@@ -175,8 +175,7 @@ int run(const Config& config, const RunOptions& options) {
   if (recorder) recorder->start(!is_capture(config.truth.port), config.resolved);
   log_details(config);
   if (const unsigned threads = assembly.threads(); threads > 1)
-    spdlog::info("the model{} and the frames are computed by {} threads", threads > 2 ? ", the capture" : "",
-                 threads);
+    spdlog::info("the replay is computed by {} threads", threads);
   const std::string instance = config.control.name.empty() ? fmt::to_string(::getpid()) : config.control.name;
   std::optional<ControlServer> server(std::in_place, io, config.control, instance);
   std::optional<WebServer> web;
