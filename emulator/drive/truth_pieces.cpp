@@ -109,7 +109,9 @@ bool TruthPieceReader::read(TruthPiece& piece) {
       if (input_ == TruthInput::stream) decoder_->end_of_file();
       break;
     }
-    if (pollfd ready{port_->descriptor(), POLLIN, 0}; ready.fd >= 0) ::poll(&ready, 1, 100);
+    pollfd ready{port_->descriptor(), POLLIN, 0};
+    if (ready.fd < 0) break;
+    ::poll(&ready, 1, 100);
   }
   take_all(piece);
   if (has_ended_) decoder_->finish();

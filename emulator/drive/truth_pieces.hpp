@@ -37,7 +37,8 @@ class TruthPieceReader {
   // Opens the capture. Throws PortError.
   explicit TruthPieceReader(const TruthConfig& config);
 
-  // Fills `piece`, whose memory is used again. Waits for a fifo. Returns false after the last piece, which has the
+  // Fills `piece`, whose memory is used again. Waits for a fifo; a capture whose port has skipped many packets gives
+  // a piece without records, so that a run can stop meanwhile. Returns false after the last piece, which has the
   // records and the losses of the end.
   bool read(TruthPiece& piece);
   const Port& port() const noexcept { return *port_; }

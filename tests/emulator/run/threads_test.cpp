@@ -1,8 +1,10 @@
 // imud replay --fast --threads: the same bytes and the same summary by one, two and three threads.
 #include <gtest/gtest.h>
 
+#include "emulator/drive/truth_pieces.hpp"
 #include "tests/emulator/run/run_test.hpp"
 #include "tests/support/text.hpp"
+#include "tests/transports/capture_builder.hpp"
 
 namespace imud {
 namespace {
@@ -115,6 +117,23 @@ TEST_F(ThreadsTest, FaultsAreInTheSameFrames) {
               {{"native", "rate_hz = 1000\n" + range}, {"native", "rate_hz = 1000\n" + range + fault}}, {}, false);
   EXPECT_EQ(left.exit_code, 0) << left.errors;
   EXPECT_LT(left.files[0].size(), left.files[1].size());
+}
+
+// Packets to another port: a run must be able to stop before they end.
+TEST_F(ThreadsTest, ManySkippedPacketsDoNotHoldTheReaderUp) {
+  capture::Bytes content = capture::file_header({}, 1);
+  const capture::Bytes datagram = capture::ethernet(0x0800, capture::ipv4(capture::udp("x", 9811)));
+  for (std::int64_t ns = 0; ns < 5000; ++ns) content += capture::file_record({}, {ns, datagram});
+  capture::write_file(path("foreign.pcap"), content);
+  TruthConfig config;
+  config.port = "pcap:" + path("foreign.pcap") + "?port=9810";
+  config.format = find_truth_format("native");
+  ASSERT_NE(config.format, nullptr);
+  TruthPieceReader reader(config);
+  int pieces = 0;
+  for (TruthPiece piece; reader.read(piece); ++pieces) EXPECT_TRUE(piece.records.empty());
+  EXPECT_EQ(pieces, 5);  // after 1024 packets each, and the end
+  EXPECT_EQ(reader.port().counters().not_ours, 5000U);
 }
 
 TEST_F(ThreadsTest, TheirNumberIsChecked) {
