@@ -18,8 +18,15 @@ std::string quoted(const std::string& text) {
 }
 
 std::string_view word(FaultLabel::State state) {
-  constexpr std::string_view words[] = {"acted", "passed_over", "never"};
-  return words[static_cast<std::size_t>(state)];
+  switch (state) {
+    case FaultLabel::State::acted:
+      return "acted";
+    case FaultLabel::State::passed_over:
+      return "passed_over";
+    case FaultLabel::State::never:
+      break;
+  }
+  return "never";
 }
 
 }  // namespace

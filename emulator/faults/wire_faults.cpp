@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <array>
 
 namespace imud {
@@ -100,9 +99,29 @@ constexpr std::array kinds = {
 static_assert(has_every_code(kinds, static_cast<std::size_t>(WireFault::bus_load) + 1));
 
 bool suits(WireFault fault, Link link) {
-  constexpr WireFault on_any[] = {WireFault::checksum_wrong, WireFault::content_wrong, WireFault::silence,
-                                  WireFault::disconnect};
-  return std::ranges::count(on_any, fault) > 0 || (fault >= WireFault::bus_off) == (link == Link::can);
+  switch (fault) {
+    case WireFault::checksum_wrong:
+    case WireFault::content_wrong:
+    case WireFault::silence:
+    case WireFault::disconnect:
+      return true;
+    case WireFault::bus_off:
+    case WireFault::error_frames:
+    case WireFault::same_id:
+    case WireFault::babbling:
+    case WireFault::bus_load:
+      return link == Link::can;
+    case WireFault::bit_errors:
+    case WireFault::byte_loss:
+    case WireFault::byte_insertion:
+    case WireFault::cut:
+    case WireFault::garbage:
+    case WireFault::line_break:
+    case WireFault::baud_wrong:
+    case WireFault::half_bandwidth:
+      return link != Link::can;
+  }
+  return false;
 }
 
 }  // namespace

@@ -10,7 +10,6 @@
 
 namespace imud {
 
-// The kinds from bus_off on need a CAN bus.
 enum class WireFault : std::uint8_t {
   bit_errors,
   byte_loss,

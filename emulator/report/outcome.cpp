@@ -81,8 +81,19 @@ std::uint64_t whole(const Summary& summary, std::string_view figure) {
 }  // namespace
 
 std::string_view word(EndedBy ended_by) noexcept {
-  constexpr std::string_view words[] = {"end_of_capture", "for", "signal", "control", "failure"};
-  return words[static_cast<std::size_t>(ended_by)];
+  switch (ended_by) {
+    case EndedBy::end_of_capture:
+      return "end_of_capture";
+    case EndedBy::duration:
+      return "for";
+    case EndedBy::signal:
+      return "signal";
+    case EndedBy::control:
+      return "control";
+    case EndedBy::failure:
+      break;
+  }
+  return "failure";
 }
 
 int Outcome::exit_code() const noexcept {

@@ -4,6 +4,7 @@
 #include <charconv>
 #include <chrono>
 #include <cmath>
+#include <functional>
 
 #include "protocols/quantities/columns.hpp"
 #include "protocols/quantities/key_units.hpp"
@@ -118,23 +119,27 @@ static_assert(groups.back().first + groups.back().names.size() <= quantity_count
 constexpr KeyUnit no_unit[] = {{""}};
 
 // The units of each kind, and the largest magnitude of its numbers; in the order of QuantityKind.
-constexpr struct {
+struct KindRow {
+  Kind kind;
   std::span<const KeyUnit> units = no_unit;
   double largest = 1e9;  // of quaternions, days, vehicles, ...
-} kinds[] = {
-    {},
-    {key_units::time},
-    {},
-    {key_units::angle, 1e5},  // the limit of elementary::sincos
-    {key_units::length, truth_limit::position},
-    {key_units::speed, truth_limit::velocity},
-    {key_units::rate, truth_limit::rate},
-    {key_units::angular_acceleration, truth_limit::angular_acceleration},
-    {key_units::acceleration, truth_limit::specific_force},
-    {key_units::temperature, truth_limit::temperature},
-    {key_units::magnetic_field},
-    {key_units::pressure},
 };
+constexpr KindRow kinds[] = {
+    {Kind::number},
+    {Kind::time, key_units::time},
+    {Kind::text},
+    {Kind::angle, key_units::angle, 1e5},  // the limit of elementary::sincos
+    {Kind::length, key_units::length, truth_limit::position},
+    {Kind::speed, key_units::speed, truth_limit::velocity},
+    {Kind::rate, key_units::rate, truth_limit::rate},
+    {Kind::angular_acceleration, key_units::angular_acceleration, truth_limit::angular_acceleration},
+    {Kind::acceleration, key_units::acceleration, truth_limit::specific_force},
+    {Kind::temperature, key_units::temperature, truth_limit::temperature},
+    {Kind::magnetic_field, key_units::magnetic_field},
+    {Kind::pressure, key_units::pressure},
+};
+static_assert(std::ranges::is_sorted(kinds, std::ranges::less_equal{}, &KindRow::kind) &&
+              std::size(kinds) == static_cast<std::size_t>(Kind::pressure) + 1);
 constexpr std::span<const KeyUnit> units_of(Kind kind) noexcept {
   return kinds[static_cast<std::size_t>(kind)].units;
 }

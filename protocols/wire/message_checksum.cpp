@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <boost/crc.hpp>
+#include <functional>
 #include <initializer_list>
 
 #include "protocols/wire/number_text.hpp"
@@ -14,26 +15,28 @@ using CrcJ1850 = boost::crc_optimal<8, 0x1D, 0xFF, 0xFF, false, false>;
 using CrcH2f = boost::crc_optimal<8, 0x2F, 0xFF, 0xFF, false, false>;
 using CrcCcitt = boost::crc_optimal<16, 0x1021, 0xFFFF, 0, false, false>;
 
-// As the enumerators of ChecksumProfile.
 struct Profile {
+  ChecksumProfile profile;
   std::string_view name;
   unsigned bits = 8;
   unsigned counter_values = 0;
 };
-constexpr Profile profiles[] = {{""},
-                                {"j1850"},
-                                {"h2f"},
-                                {"e2e_p01", 8, 15},
-                                {"e2e_p02", 8, 16},
-                                {"e2e_p05", 16, 256},
-                                {"e2e_p11", 8, 15},
-                                {"sum"},
-                                {"toyota"},
-                                {"subaru"},
-                                {"tesla"},
-                                {"xor"},
-                                {"honda", 4},
-                                {"psa", 4}};
+constexpr Profile profiles[] = {{ChecksumProfile::none, ""},
+                                {ChecksumProfile::j1850, "j1850"},
+                                {ChecksumProfile::h2f, "h2f"},
+                                {ChecksumProfile::e2e_p01, "e2e_p01", 8, 15},
+                                {ChecksumProfile::e2e_p02, "e2e_p02", 8, 16},
+                                {ChecksumProfile::e2e_p05, "e2e_p05", 16, 256},
+                                {ChecksumProfile::e2e_p11, "e2e_p11", 8, 15},
+                                {ChecksumProfile::sum, "sum"},
+                                {ChecksumProfile::toyota, "toyota"},
+                                {ChecksumProfile::subaru, "subaru"},
+                                {ChecksumProfile::tesla, "tesla"},
+                                {ChecksumProfile::xor_bytes, "xor"},
+                                {ChecksumProfile::honda, "honda", 4},
+                                {ChecksumProfile::psa, "psa", 4}};
+static_assert(std::ranges::is_sorted(profiles, std::ranges::less_equal{}, &Profile::profile) &&
+              std::size(profiles) == static_cast<std::size_t>(ChecksumProfile::psa) + 1);
 
 const Profile& properties_of(ChecksumProfile profile) noexcept { return profiles[static_cast<std::size_t>(profile)]; }
 

@@ -68,9 +68,21 @@ std::size_t stride_of(AllanKind kind, std::size_t factor) noexcept {
 }  // namespace
 
 std::string_view name_of(AllanKind kind) noexcept {
-  constexpr std::string_view names[] = {"allan",    "overlapping",          "modified",
-                                        "hadamard", "overlapping-hadamard", "total"};
-  return names[static_cast<std::size_t>(kind)];
+  switch (kind) {
+    case AllanKind::allan:
+      return "allan";
+    case AllanKind::overlapping:
+      return "overlapping";
+    case AllanKind::modified:
+      return "modified";
+    case AllanKind::hadamard:
+      return "hadamard";
+    case AllanKind::overlapping_hadamard:
+      return "overlapping-hadamard";
+    case AllanKind::total:
+      break;
+  }
+  return "total";
 }
 
 std::vector<double> phase_of(std::span<const double> rates) {
