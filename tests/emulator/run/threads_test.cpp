@@ -119,6 +119,26 @@ TEST_F(ThreadsTest, FaultsAreInTheSameFrames) {
   EXPECT_LT(left.files[0].size(), left.files[1].size());
 }
 
+// A record needs the bytes of the truth, and standard input may keep a thread waiting.
+TEST_F(ThreadsTest, ARecordAndStandardInputAreOfOneThread) {
+  std::string text(columns);
+  for (int ms = 0; ms < 1000; ms += 10) text += row(ms);
+  const std::string c = config("fast", "file:flight.csv", "csv", 1000, "native", "file:" + path("out"));
+  const auto frames_of = [&](std::vector<std::string> arguments, const std::optional<std::string>& input,
+                             bool threads) {
+    arguments.insert(arguments.begin(), {"replay", c});
+    const ProgramResult result = run_program("imud", arguments, input);
+    EXPECT_EQ(result.exit_code, 0) << result.errors;
+    EXPECT_EQ(contains(result.errors, " threads"), threads) << result.errors;
+    return read_file(path("out"));
+  };
+  const std::string flight_file = write("flight.csv", text);
+  const std::string frames = frames_of({flight_file, "--threads", "3"}, {}, true);
+  EXPECT_GT(frames.size(), 100'000U);
+  EXPECT_TRUE(frames_of({flight_file, "--threads", "3", "--record", path("r.pcapng")}, {}, false) == frames);
+  EXPECT_TRUE(frames_of({"file:-", "--threads", "3"}, text, false) == frames);
+}
+
 // Packets to another port: a run must be able to stop before they end.
 TEST_F(ThreadsTest, ManySkippedPacketsDoNotHoldTheReaderUp) {
   capture::Bytes content = capture::file_header({}, 1);
