@@ -103,6 +103,7 @@ class Timeline {
   explicit Timeline(const Limits& limits);
   Timeline() : Timeline(Limits{}) {}
 
+  const Limits& limits() const noexcept { return limits_; }
   // Replaces Limits::extrapolate.
   void set_extrapolate(Nanoseconds extrapolate) noexcept { limits_.extrapolate = extrapolate; }
 

@@ -52,7 +52,7 @@ Assembly::Assembly(const Config& config, const Ports& ports, const Parts& parts)
                         : ports,
               parts.sink, parts.control),
       encodes_apart_(threads_ > 1 && EncodingThread::serves(engine_.channels())),
-      pacer_(make_pacer(config, engine_.quality())) {}
+      pacer_(make_pacer(config, engine_.timeline(), engine_.quality())) {}
 
 void Assembly::run(Host& host, const std::atomic<bool>& stop, const Limits& limits) {
   if (repeated_) return repeated_->run(engine_, host, {pace_, limits.duration, limits.awaits_truth}, stop);

@@ -55,8 +55,6 @@ void Loop::change_pacing(const Command& command) noexcept {
       pacer_.set_delay({.delay = Nanoseconds{0}, .automatic_percent = command.value});
       break;
     case Command::Kind::extrapolate:
-      pacer_.set_extrapolate(nanoseconds(command.value));
-      break;
     case Command::Kind::mark:
     case Command::Kind::power_off:
     case Command::Kind::power_on:

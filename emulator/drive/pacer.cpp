@@ -4,8 +4,6 @@
 #include <limits>
 #include <utility>
 
-#include "core/timeline.hpp"
-
 namespace imud {
 
 bool Pacer::observe(TruthTime, HostTime, HostTime) noexcept { return true; }
@@ -45,13 +43,13 @@ HostTime HostPacer::begin_run(TruthTime truth, HostTime arrival, HostTime now) n
 
 TruthTime HostPacer::truth(HostTime instant) const noexcept {
   if (is_paused_) return reached_;
-  return std::max(reached_, std::min(clock_.truth(instant), newest_ + monitor_.extrapolate()));
+  return std::max(reached_, std::min(clock_.truth(instant), newest_ + limits_.extrapolate));
 }
 
 TruthTime HostPacer::use(HostTime instant) noexcept {
   const TruthTime line = clock_.use(instant);
   reached_ = truth(instant);
-  if (line <= newest_ + monitor_.extrapolate()) {
+  if (line <= newest_ + limits_.extrapolate) {
     if (!is_paused_) held_from_.reset();
     return reached_;
   }
@@ -129,10 +127,10 @@ void HostPacer::publish() noexcept {
   quality_.known.store(true, std::memory_order_relaxed);
 }
 
-std::unique_ptr<Pacer> make_pacer(const Config& config, TruthQuality& quality) {
+std::unique_ptr<Pacer> make_pacer(const Config& config, const Timeline& timeline, TruthQuality& quality) {
   if (config.clock != ClockMode::realtime) return std::make_unique<TruthPacer>();
   if (is_capture(config.truth.port)) return std::make_unique<CapturePacer>();
-  return std::make_unique<HostPacer>(config.truth.clock, config.truth.limits.extrapolate, quality);
+  return std::make_unique<HostPacer>(config.truth.clock, timeline.limits(), quality);
 }
 
 }  // namespace imud

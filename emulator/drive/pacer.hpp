@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "core/time.hpp"
+#include "core/timeline.hpp"
 #include "emulator/ground/counters.hpp"
 #include "emulator/plan/config.hpp"
 #include "emulator/truth/truth_clock.hpp"
@@ -23,9 +24,8 @@ class Pacer {
   // has arrived.
   virtual bool is_paced() const noexcept = 0;
 
-  // Replace the delay and the extrapolation of live truth in `realtime`; without effect in the other modes.
+  // Replaces the delay of live truth in `realtime`; without effect in the other modes.
   virtual void set_delay(const TruthClock::Options&) noexcept {}
-  virtual void set_extrapolate(Nanoseconds) noexcept {}
 
   // Called for the first truth, and for one with which simulation time restarts before is_settled(). Returns true if
   // arrivals have to be observed before a run can begin.
@@ -79,8 +79,9 @@ class CapturePacer final : public TruthPacer {
 // through the newest truth, and the time goes on when the map reaches it. Writes the estimates to `quality`.
 class HostPacer final : public Pacer {
  public:
-  HostPacer(const TruthClock::Options& options, Nanoseconds extrapolate, TruthQuality& quality) noexcept
-      : clock_(options), monitor_(extrapolate), quality_(quality) {}
+  // `limits`: the timeline's, which may change.
+  HostPacer(const TruthClock::Options& options, const Timeline::Limits& limits, TruthQuality& quality) noexcept
+      : clock_(options), limits_(limits), monitor_(limits), quality_(quality) {}
 
   bool waits_for_truth() const noexcept override { return false; }
   bool is_paced() const noexcept override { return true; }
@@ -93,7 +94,6 @@ class HostPacer final : public Pacer {
   }
   void review(TruthTime truth, HostTime now) noexcept override;
   void set_delay(const TruthClock::Options& options) noexcept override { clock_.set(options); }
-  void set_extrapolate(Nanoseconds extrapolate) noexcept override { monitor_.set_extrapolate(extrapolate); }
   TruthTime truth(HostTime instant) const noexcept override;
   TruthTime use(HostTime instant) noexcept override;
 
@@ -103,6 +103,7 @@ class HostPacer final : public Pacer {
   void report_pause(HostTime now, Nanoseconds behind) noexcept;
 
   TruthClock clock_;
+  const Timeline::Limits& limits_;
   TruthMonitor monitor_;
   TruthQuality& quality_;
   bool settling_ = false;
@@ -115,7 +116,7 @@ class HostPacer final : public Pacer {
   std::optional<HostTime> held_from_;  // since when the sampled time stands still
 };
 
-// Returns the pacer for the configured clock and truth port.
-std::unique_ptr<Pacer> make_pacer(const Config& config, TruthQuality& quality);
+// Returns the pacer for the configured clock and truth port. `timeline` must outlive it.
+std::unique_ptr<Pacer> make_pacer(const Config& config, const Timeline& timeline, TruthQuality& quality);
 
 }  // namespace imud

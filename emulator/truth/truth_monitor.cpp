@@ -46,7 +46,7 @@ bool TruthMonitor::has_jumped(TruthTime truth, HostTime arrival, TruthTime expec
 
 bool TruthMonitor::is_dense() const noexcept { return step_ <= jump; }
 
-Nanoseconds TruthMonitor::tolerated() const noexcept { return std::max({extrapolate_, late_by, 2 * step_}); }
+Nanoseconds TruthMonitor::tolerated() const noexcept { return std::max({limits_.extrapolate, late_by, 2 * step_}); }
 
 bool TruthMonitor::was_paused(TruthTime truth, TruthTime sampled, HostTime now, double rate) noexcept {
   if (truth - sampled >= -tolerated()) {

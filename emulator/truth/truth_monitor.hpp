@@ -4,6 +4,7 @@
 #include <optional>
 
 #include "core/time.hpp"
+#include "core/timeline.hpp"
 
 namespace imud {
 
@@ -12,11 +13,8 @@ namespace imud {
 // allocation. One thread.
 class TruthMonitor {
  public:
-  // `extrapolate`: how long motion is extrapolated after the newest truth; a truth that is later than this is late.
-  explicit TruthMonitor(Nanoseconds extrapolate) noexcept : extrapolate_(extrapolate) {}
-
-  void set_extrapolate(Nanoseconds extrapolate) noexcept { extrapolate_ = extrapolate; }
-  Nanoseconds extrapolate() const noexcept { return extrapolate_; }
+  // `limits`: the timeline's, which may change. A truth is late if it is later than motion is extrapolated.
+  explicit TruthMonitor(const Timeline::Limits& limits) noexcept : limits_(limits) {}
 
   // Begins a run with `truth`, which arrived at `arrival`, or goes on with it after the map was re-anchored.
   void begin_run(TruthTime truth, HostTime arrival) noexcept;
@@ -38,7 +36,7 @@ class TruthMonitor {
   double rate() const noexcept { return rate_; }
 
  private:
-  Nanoseconds extrapolate_;
+  const Timeline::Limits& limits_;
   TruthTime newest_;
   Nanoseconds step_{0};  // from the truth before the newest
   HostTime begun_;       // when the run's first truth arrived

@@ -79,7 +79,7 @@ TEST_F(LiveTest, TheHotLoopAllocatesLocksAndLogsNothing) {
       std::make_shared<spdlog::logger>("", std::make_shared<spdlog::sinks::ostream_sink_mt>(log)));
   std::thread sampler([&] {
     MonotonicHost host;
-    HostPacer pacer(config.truth.clock, config.truth.limits.extrapolate, engine.quality());
+    HostPacer pacer(config.truth.clock, engine.timeline().limits(), engine.quality());
     Loop loop(engine, host, pacer, {}, stop);
     count_locks_of_this_thread();
     loop.run();

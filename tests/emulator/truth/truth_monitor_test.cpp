@@ -9,8 +9,10 @@ namespace {
 
 using namespace std::chrono_literals;
 
+constexpr Timeline::Limits limits = {.extrapolate = 100ms};
+
 TEST(TruthMonitor, AJumpIsATruthFarTooEarly) {
-  TruthMonitor monitor(100ms);
+  TruthMonitor monitor(limits);
   monitor.begin_run(truth(0), host(0));
   EXPECT_FALSE(monitor.has_jumped(truth(0.1), host(0.1), truth(0.1)));
   EXPECT_FALSE(monitor.has_jumped(truth(0.45), host(0.2), truth(0.2))) << "as early as a network may make it";
@@ -20,7 +22,7 @@ TEST(TruthMonitor, AJumpIsATruthFarTooEarly) {
 // One jump in a minute is a user's action; two within a second are a simulator that runs fast, at the rate between
 // them.
 TEST(TruthMonitor, JumpsOneAfterTheOtherAreAFastSimulator) {
-  TruthMonitor monitor(100ms);
+  TruthMonitor monitor(limits);
   monitor.begin_run(truth(0), host(0));
   ASSERT_TRUE(monitor.has_jumped(truth(10), host(1), truth(1)));
   monitor.begin_run(truth(10), host(1));
@@ -34,7 +36,7 @@ TEST(TruthMonitor, JumpsOneAfterTheOtherAreAFastSimulator) {
 
 // A restart begins a run, too. A jump soon after it is a single one if no other jump was within a second before it.
 TEST(TruthMonitor, AJumpSoonAfterARestartIsTheFirst) {
-  TruthMonitor monitor(100ms);
+  TruthMonitor monitor(limits);
   monitor.begin_run(truth(0), host(0));
   ASSERT_TRUE(monitor.has_jumped(truth(10), host(1), truth(1)));
   monitor.begin_run(truth(10), host(1));
@@ -45,7 +47,7 @@ TEST(TruthMonitor, AJumpSoonAfterARestartIsTheFirst) {
 }
 
 TEST(TruthMonitor, APauseIsTruthThatStaysLate) {
-  TruthMonitor monitor(100ms);
+  TruthMonitor monitor(limits);
   monitor.begin_run(truth(0), host(0));
   int paused = 0;
   for (int k = 0; k < 30; ++k)
@@ -56,7 +58,7 @@ TEST(TruthMonitor, APauseIsTruthThatStaysLate) {
 
 // Single late truths do not add up to a pause, however many; nor do two late truths far apart.
 TEST(TruthMonitor, LateTruthsAmongOthersAreNoPause) {
-  TruthMonitor monitor(100ms);
+  TruthMonitor monitor(limits);
   monitor.begin_run(truth(0), host(0));
   for (int k = 0; k < 1000; ++k) {
     const double now_s = 0.1 * k;
@@ -67,7 +69,7 @@ TEST(TruthMonitor, LateTruthsAmongOthersAreNoPause) {
 }
 
 TEST(TruthMonitor, ASlowSimulatorIsFollowedAtItsRate) {
-  TruthMonitor monitor(100ms);
+  TruthMonitor monitor(limits);
   monitor.begin_run(truth(0), host(0));
   bool paused = false;
   for (int k = 0; k < 100 && !paused; ++k)
