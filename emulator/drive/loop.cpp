@@ -128,7 +128,6 @@ void Loop::take_truth() noexcept {
     const TruthIntake::Outcome outcome = engine_.apply(Step::truth(engine_.watermark()));
     ++taken;
     more_truth_ = outcome != TruthIntake::Outcome::nothing;
-    answer_due_ = intake_.answer_due();
     bool begins = outcome == TruthIntake::Outcome::new_run;
     if (begins || outcome == TruthIntake::Outcome::accepted) newest_arrival_ = intake_.arrival();
     if (outcome == TruthIntake::Outcome::accepted) {
@@ -179,7 +178,7 @@ void Loop::apply_truth() noexcept {
     engine_.raise_watermark(timeline_.newest());
     ended_ = latest_sample() < timeline_.newest();
   }
-  if (!std::exchange(answer_due_, false) || !intake_.is_live()) return;
+  if (!intake_.answer_due()) return;
   send_all();  // the samples leave before the answer
   // By the host's clock, not all samples up to the newest truth have left, and before the run none.
   const TruthTime sampled = engine_.in_run() ? engine_.watermark() : timeline_.run_start();

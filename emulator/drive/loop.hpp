@@ -102,7 +102,6 @@ class Loop {
   bool unreviewed_ = false;  // truths were observed since the last review
   bool unapplied_ = false;   // a truth was accepted since apply_truth()
   std::size_t truths_since_advance_ = 0;
-  bool answer_due_ = false;  // the sender of the last truth waits for an answer
 };
 
 }  // namespace imud

@@ -378,6 +378,7 @@ void TruthIntake::count_truncated() noexcept {
 }
 
 void TruthIntake::answer(TruthTime emitted_until, std::uint64_t samples) noexcept {
+  answer_due_ = false;
   if (!is_live_) return;
   outgoing_.clear();
   decoder_->acknowledge(truth_, emitted_until, samples, outgoing_);

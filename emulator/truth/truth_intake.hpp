@@ -42,8 +42,9 @@ class TruthIntake {
 
   // The last truth that was accepted or inserted, or a refused repetition; valid unless the record was ignored.
   const Truth& truth() const noexcept { return truth_; }
-  // Returns true if the sender of truth() waits for an answer, also after a refused repetition.
-  bool answer_due() const noexcept { return answer_due_; }
+  // Returns true from take() to answer() if a live sender of truth() waits for an answer, also after a refused
+  // repetition.
+  bool answer_due() const noexcept { return answer_due_ && is_live_; }
   // Answers truth() with the time up to which samples were emitted, and their number in the run.
   void answer(TruthTime emitted_until, std::uint64_t samples) noexcept;
 
