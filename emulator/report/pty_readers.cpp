@@ -31,29 +31,31 @@ TerminalClient process_of(pid_t process) {
   return client;
 }
 
-bool has_open(pid_t process, const std::string& terminal) {
-  std::error_code error;
-  for (fs::directory_iterator fd(fmt::format("/proc/{}/fd", process), error), none; !error && fd != none;
-       fd.increment(error)) {
-    std::error_code unreadable;
-    if (fs::read_symlink(fd->path(), unreadable) == terminal && !unreadable) return true;
-  }
-  return false;
-}
+using Holders = std::map<pid_t, TerminalClient>;
 
-}  // namespace
-
-std::vector<TerminalClient> terminal_clients(const std::string& terminal) {
-  std::map<pid_t, TerminalClient> holders;
+// Returns the processes that have a terminal open, for each that is a key of `terminals`.
+std::map<std::string, Holders> holders_of(const TerminalClients& terminals) {
+  std::map<std::string, Holders> holders;
   std::error_code error;
   for (fs::directory_iterator entry("/proc", error), none; !error && entry != none; entry.increment(error)) {
     const std::string name = entry->path().filename().string();
     pid_t process = 0;
     const auto [end, fault] = std::from_chars(name.data(), name.data() + name.size(), process);
-    if (fault != std::errc() || end != name.data() + name.size() || !has_open(process, terminal)) continue;
-    if (TerminalClient client = process_of(process); !client.name.empty())
-      holders.emplace(process, std::move(client));
+    if (fault != std::errc() || end != name.data() + name.size()) continue;
+    std::error_code unreadable;
+    for (fs::directory_iterator fd(entry->path() / "fd", unreadable); !unreadable && fd != none;
+         fd.increment(unreadable)) {
+      const fs::path file = fs::read_symlink(fd->path(), unreadable);
+      if (unreadable || !terminals.contains(file.native()) || holders[file.native()].contains(process)) continue;
+      if (TerminalClient client = process_of(process); !client.name.empty())
+        holders[file.native()].emplace(process, std::move(client));
+    }
   }
+  return holders;
+}
+
+// Leaves out imud, and processes that have inherited the terminal.
+std::vector<TerminalClient> programs_among(const Holders& holders) {
   std::vector<TerminalClient> clients;
   for (const auto& [process, client] : holders) {
     bool is_inherited = false;
@@ -66,6 +68,17 @@ std::vector<TerminalClient> terminal_clients(const std::string& terminal) {
     if (!is_inherited && client.name != "imud") clients.push_back(client);
   }
   return clients;
+}
+
+}  // namespace
+
+void find_terminal_clients(TerminalClients& clients) {
+  if (clients.empty()) return;
+  const std::map<std::string, Holders> holders = holders_of(clients);
+  for (auto& [terminal, programs] : clients) {
+    const auto found = holders.find(terminal);
+    programs = found == holders.end() ? std::vector<TerminalClient>() : programs_among(found->second);
+  }
 }
 
 void PtyReaders::watch(const Config& config) {
@@ -84,12 +97,19 @@ void PtyReaders::watch(const Config& config) {
 void PtyReaders::update(HostTime now) {
   if (now < next_) return;
   next_ = now + period;
-  for (Pty& pty : ptys_) {
-    if (pty.is_reported) continue;
+  // The names of the terminals, in the order of the ptys; a link that is absent has none.
+  std::vector<std::string> terminals;
+  TerminalClients all;
+  for (const Pty& pty : ptys_) {
     std::error_code error;
-    const fs::path terminal = fs::read_symlink(pty.link, error);
-    if (error) continue;
-    const std::vector<TerminalClient> clients = terminal_clients(terminal.string());
+    terminals.push_back(pty.is_reported ? std::string() : fs::read_symlink(pty.link, error).string());
+    if (!terminals.back().empty()) all.try_emplace(terminals.back());
+  }
+  find_terminal_clients(all);
+  for (std::size_t i = 0; i < ptys_.size(); ++i) {
+    if (terminals[i].empty()) continue;
+    Pty& pty = ptys_[i];
+    const std::vector<TerminalClient>& clients = all[terminals[i]];
     if (clients.size() < 2) continue;
     pty.is_reported = true;
     std::vector<std::string> names;

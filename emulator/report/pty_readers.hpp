@@ -3,6 +3,7 @@
 
 #include <sys/types.h>
 
+#include <map>
 #include <string>
 #include <vector>
 
@@ -18,11 +19,14 @@ struct TerminalClient {
   std::string name;
 };
 
-// Returns the programs that have `terminal`, such as /dev/pts/4, open, as far as /proc shows them to this user.
-// Leaves out imud itself, and a process whose ancestor has it open, too, because it has inherited it.
-std::vector<TerminalClient> terminal_clients(const std::string& terminal);
+using TerminalClients = std::map<std::string, std::vector<TerminalClient>>;
 
-// Watches ptys. Reads /proc, which takes milliseconds: for the main thread.
+// Sets for each terminal in `clients`, such as /dev/pts/4, the programs that have it open, as far as /proc shows them
+// to this user. Leaves out imud itself, and a process whose ancestor has the terminal open, too, because it has
+// inherited it. Reads /proc once, which takes milliseconds.
+void find_terminal_clients(TerminalClients& clients);
+
+// Watches ptys. For the main thread, because it reads /proc.
 class PtyReaders {
  public:
   // Watches the ptys of `config` from now on. Does not repeat reports about ptys that it watches already.
