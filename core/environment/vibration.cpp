@@ -4,6 +4,7 @@
 #include <cmath>
 #include <span>
 
+#include "core/numbers/dispatch.hpp"
 #include "core/numbers/elementary.hpp"
 #include "core/units.hpp"
 
@@ -41,10 +42,10 @@ Vibration::Vibration(const VibrationModel& model, const Normals& normals) {
   for (const VibrationModel::Sine& sine : model.sines) {
     const auto [sin, cos] = elementary::sincos(sine.phase);
     Line& added = line(sine.frequency_hz);
-    added.force_sin += cos * sine.force;
-    added.force_cos += sin * sine.force;
-    added.rate_sin += cos * sine.rate;
-    added.rate_cos += sin * sine.rate;
+    added.force_sin.add(lanes(cos * sine.force));
+    added.force_cos.add(lanes(sin * sine.force));
+    added.rate_sin.add(lanes(cos * sine.rate));
+    added.rate_cos.add(lanes(sin * sine.rate));
   }
   if (model.spectrum.frequency_hz.size() > 1) add_spectrum(model.spectrum, normals);
 }
@@ -55,13 +56,7 @@ Vibration::Line& Vibration::line(double frequency_hz) {
   const auto found = std::ranges::find(lines_, turns_per_ns, &Line::turns_per_ns);
   if (found != lines_.end()) return *found;
   const double omega = 2.0 * units::pi * 1e9 * 0x1p-64 * static_cast<double>(turns_per_ns);
-  const Vector3 zero = Vector3::Zero();
-  lines_.push_back({.turns_per_ns = turns_per_ns,
-                    .per_omega = 1.0 / omega,
-                    .force_sin = zero,
-                    .force_cos = zero,
-                    .rate_sin = zero,
-                    .rate_cos = zero});
+  lines_.push_back({.turns_per_ns = turns_per_ns, .per_omega = 1.0 / omega});
   return lines_.back();
 }
 
@@ -73,16 +68,15 @@ void Vibration::add_spectrum(const VibrationModel::Spectrum& spectrum, const Nor
   for (std::size_t j = 0; j < spectrum.lines; ++j) {
     const double end = j + 1 == spectrum.lines ? last : first * elementary::exp(width * static_cast<double>(j + 1));
     Line& added = line(std::sqrt(begin * end));
-    const auto add = [&](const std::vector<double>& density, Quantity quantity, Vector3& sin, Vector3& cos) {
+    const auto add = [&](const std::vector<double>& density, Quantity quantity, LaneVector& sin, LaneVector& cos) {
       const double amplitude = std::sqrt(2.0 * power(frequency, density, begin, end));
       // A point of the plane whose coordinates are independent and normal lies in a uniformly distributed direction.
       const Vector3 x = normals(quantity, Process::vibration, 2 * j),
                     y = normals(quantity, Process::vibration, 2 * j + 1);
-      for (int i = 0; i < 3; ++i) {
-        const double scale = amplitude * spectrum.axes[i] / std::sqrt(x[i] * x[i] + y[i] * y[i]);
-        sin[i] += scale * x[i];
-        cos[i] += scale * y[i];
-      }
+      Vector3 scale;
+      for (int i = 0; i < 3; ++i) scale[i] = amplitude * spectrum.axes[i] / std::sqrt(x[i] * x[i] + y[i] * y[i]);
+      sin.add(lanes(scale.cwiseProduct(x)));
+      cos.add(lanes(scale.cwiseProduct(y)));
     };
     add(spectrum.force, Quantity::specific_force, added.force_sin, added.force_cos);
     add(spectrum.rate, Quantity::rate, added.rate_sin, added.rate_cos);
@@ -90,26 +84,40 @@ void Vibration::add_spectrum(const VibrationModel::Spectrum& spectrum, const Nor
   }
 }
 
-void Vibration::add_to(const SensorInput& input, TruthTime time, double dt) noexcept {
-  for (Line& line : lines_) {
-    const std::uint64_t turns = line.turns_per_ns * static_cast<std::uint64_t>(time.ns);
-    const double angle = 2.0 * units::pi * 0x1p-64 * static_cast<double>(static_cast<std::int64_t>(turns));
-    const auto [sin, cos] = elementary::sincos(angle);
-    input.rate += sin * line.rate_sin + cos * line.rate_cos;
-    input.specific_force += sin * line.force_sin + cos * line.force_cos;
-    if (dt > 0.0) {
-      const double of_sin = (line.last_cos - cos) * line.per_omega, of_cos = (sin - line.last_sin) * line.per_omega;
-      input.delta_angle += of_sin * line.rate_sin + of_cos * line.rate_cos;
-      input.delta_velocity += of_sin * line.force_sin + of_cos * line.force_cos;
+IMUD_DISPATCHED void Vibration::add_to(const SensorInput& input, TruthTime time, double dt) noexcept {
+  Lanes rate = lanes(input.rate), specific_force = lanes(input.specific_force);
+  Lanes delta_angle = lanes(input.delta_angle), delta_velocity = lanes(input.delta_velocity);
+  for (std::size_t first = 0; first < lines_.size(); first += 4) {
+    const std::size_t count = std::min<std::size_t>(4, lines_.size() - first);
+    Lanes angles = {};
+    for (std::size_t i = 0; i < count; ++i) {
+      const std::uint64_t turns = lines_[first + i].turns_per_ns * static_cast<std::uint64_t>(time.ns);
+      angles[i] = 2.0 * units::pi * 0x1p-64 * static_cast<double>(static_cast<std::int64_t>(turns));
     }
-    line.last_sin = sin;
-    line.last_cos = cos;
+    const auto [sines, cosines] = elementary::sincos(angles);
+    for (std::size_t i = 0; i < count; ++i) {
+      Line& line = lines_[first + i];
+      const double sin = sines[i], cos = cosines[i];
+      rate += sin * line.rate_sin.lanes() + cos * line.rate_cos.lanes();
+      specific_force += sin * line.force_sin.lanes() + cos * line.force_cos.lanes();
+      const double of_sin = (line.last_cos - cos) * line.per_omega, of_cos = (sin - line.last_sin) * line.per_omega;
+      delta_angle += of_sin * line.rate_sin.lanes() + of_cos * line.rate_cos.lanes();
+      delta_velocity += of_sin * line.force_sin.lanes() + of_cos * line.force_cos.lanes();
+      line.last_sin = sin;
+      line.last_cos = cos;
+    }
   }
+  input.rate = vector_of(rate);
+  input.specific_force = vector_of(specific_force);
+  if (!(dt > 0.0)) return;
+  input.delta_angle = vector_of(delta_angle);
+  input.delta_velocity = vector_of(delta_velocity);
 }
 
 Vector3 Vibration::mean_square() const noexcept {
   Vector3 sum = Vector3::Zero();
-  for (const Line& line : lines_) sum += 0.5 * (line.force_sin.cwiseAbs2() + line.force_cos.cwiseAbs2());
+  for (const Line& line : lines_)
+    sum += 0.5 * (line.force_sin.vector().cwiseAbs2() + line.force_cos.vector().cwiseAbs2());
   return sum;
 }
 

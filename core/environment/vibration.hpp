@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "core/numbers/lanes.hpp"
 #include "core/numbers/random.hpp"
 #include "core/time.hpp"
 #include "core/vector.hpp"
@@ -57,7 +58,7 @@ class Vibration {
 
   // Adds the vibration at `time` to the values, and its integral over the step from the last call's time to the
   // increments if `dt` is not 0.
-  [[gnu::noinline]] void add_to(const SensorInput& input, TruthTime time, double dt) noexcept;
+  void add_to(const SensorInput& input, TruthTime time, double dt) noexcept;
 
   // Returns the mean square of the specific force on each axis, (m/s^2)^2.
   Vector3 mean_square() const noexcept;
@@ -66,7 +67,7 @@ class Vibration {
   struct Line {
     std::uint64_t turns_per_ns;  // in 2^-64 turns: the phase is exact at any time, modulo a turn
     double per_omega;            // s/rad, 1/w
-    Vector3 force_sin, force_cos, rate_sin, rate_cos;
+    LaneVector force_sin = {}, force_cos = {}, rate_sin = {}, rate_cos = {};
     double last_sin = 0, last_cos = 1;
   };
   Line& line(double frequency_hz);

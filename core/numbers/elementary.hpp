@@ -59,11 +59,11 @@ constexpr double polynomial(const std::array<double, N>& c, double x) {
 }
 
 // Sum over k of (-1)^k z^k Offset!/(2k + Offset)!, by Horner's rule.
-template <int Offset, int Terms>
-constexpr double alternating_series(double z) {
+template <int Offset, int Terms, class Real>
+[[gnu::always_inline]] constexpr Real alternating_series(Real z) {
   constexpr auto ratios = series_ratios<Offset, Terms>();
-  double sum = 1.0;
-  for (std::size_t k = Terms; k >= 1; --k) sum = 1.0 - z * ratios[k] * sum;
+  Real sum = 1.0 - z * ratios[Terms];
+  for (std::size_t k = Terms - 1; k >= 1; --k) sum = 1.0 - z * ratios[k] * sum;
   return sum;
 }
 
@@ -145,23 +145,33 @@ inline double exp(double x) {
   return sum * std::bit_cast<double>(static_cast<std::uint64_t>(static_cast<std::int64_t>(exponent) + 1023) << 52U);
 }
 
-struct SinCos {
-  double sin;
-  double cos;
+template <class Real>
+struct SineAndCosine {
+  Real sin;
+  Real cos;
 };
+using SinCos = SineAndCosine<double>;
 
-// Returns sine and cosine of x. Beyond |x| = 1e5 the error grows in proportion to x.
-inline SinCos sincos(double x) {
-  // Cody and Waite: x = quadrant * pi/2 + r, pi/2 in three parts of 33 bits.
-  constexpr double two_over_pi = 0x1.45f306dc9c883p-1;
+namespace detail {
+constexpr double two_over_pi = 0x1.45f306dc9c883p-1;
+
+// Returns sine and cosine of x - quadrant * pi/2, where this is within +- pi/4.
+template <class Real>
+[[gnu::always_inline]] inline SineAndCosine<Real> sincos_in(Real quadrant, Real x) {
+  // Cody and Waite: pi/2 in three parts of 33 bits.
   constexpr double high = 0x1.921fb54400000p+0;
   constexpr double middle = 0x1.0b4611a600000p-34;
   constexpr double low = 0x1.3198a2e037073p-69;
-  const double quadrant = std::floor(x * two_over_pi + 0.5);
-  const double r = ((x - quadrant * high) - quadrant * middle) - quadrant * low;
-  const double z = r * r;
-  const double s = r * detail::alternating_series<1, 9>(z);
-  const double c = detail::alternating_series<0, 9>(z);
+  const Real r = ((x - quadrant * high) - quadrant * middle) - quadrant * low;
+  const Real z = r * r;
+  return {r * alternating_series<1, 9>(z), alternating_series<0, 9>(z)};
+}
+}  // namespace detail
+
+// Returns sine and cosine of x. Beyond |x| = 1e5 the error grows in proportion to x.
+inline SinCos sincos(double x) {
+  const double quadrant = std::floor(x * detail::two_over_pi + 0.5);
+  const auto [s, c] = detail::sincos_in(quadrant, x);
   switch (static_cast<std::int64_t>(quadrant) & 3) {
     case 0:
       return {s, c};
@@ -172,6 +182,18 @@ inline SinCos sincos(double x) {
     default:
       return {-c, s};
   }
+}
+
+// Returns sine and cosine of each lane of x, with the bits of sincos().
+[[gnu::always_inline]] inline SineAndCosine<Lanes> sincos(Lanes x) {
+  Lanes quadrant = x * detail::two_over_pi + 0.5;
+  for (int i = 0; i < 4; ++i) quadrant[i] = std::floor(quadrant[i]);
+  const auto [s, c] = detail::sincos_in(quadrant, x);
+  // The last bits of this sum are the quadrant as an integer.
+  const auto number = std::bit_cast<LaneMask>(quadrant + 0x1.8p52);
+  const LaneMask is_odd = -(number & 1);
+  const LaneMask sin_sign = (number & 2) << 62, cos_sign = ((number + 1) & 2) << 62;
+  return {change_sign(sin_sign, select(is_odd, c, s)), change_sign(cos_sign, select(is_odd, s, c))};
 }
 
 // Returns the four functions of x for x^2 = `z`; x is in the range of sincos().

@@ -21,6 +21,10 @@ using LaneMask = std::int64_t __attribute__((vector_size(32)));  // all bits of 
 [[gnu::always_inline]] inline Vector3 vector_of(Lanes x) noexcept { return {x[0], x[1], x[2]}; }
 // Returns a where the mask is set, else b.
 [[gnu::always_inline]] inline Lanes select(LaneMask mask, Lanes a, Lanes b) noexcept { return mask ? a : b; }
+// Returns x, negated where the sign bit of `signs` is set; its other bits are clear.
+[[gnu::always_inline]] inline Lanes change_sign(LaneMask signs, Lanes x) noexcept {
+  return std::bit_cast<Lanes>(std::bit_cast<LaneMask>(x) ^ signs);
+}
 // Return the magnitude of each lane of x, and magnitudes with the signs of x.
 [[gnu::always_inline]] inline Lanes magnitude(Lanes x) noexcept {
   return std::bit_cast<Lanes>(std::bit_cast<LaneMask>(x) & INT64_MAX);
@@ -28,6 +32,17 @@ using LaneMask = std::int64_t __attribute__((vector_size(32)));  // all bits of 
 [[gnu::always_inline]] inline Lanes with_sign_of(Lanes x, Lanes magnitude) noexcept {
   return std::bit_cast<Lanes>(std::bit_cast<LaneMask>(magnitude) | (std::bit_cast<LaneMask>(x) & INT64_MIN));
 }
+
+// A vector in memory, 0 at first.
+class LaneVector {
+ public:
+  [[gnu::always_inline]] Lanes lanes() const noexcept { return std::bit_cast<Lanes>(values_); }
+  Vector3 vector() const noexcept { return {values_[0], values_[1], values_[2]}; }
+  [[gnu::always_inline]] void add(Lanes x) noexcept { values_ = std::bit_cast<std::array<double, 4>>(lanes() + x); }
+
+ private:
+  std::array<double, 4> values_ = {};
+};
 
 // A matrix as three columns.
 class LaneMatrix {

@@ -2,7 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <bit>
 #include <cmath>
+#include <cstdint>
 #include <limits>
 
 #include "core/numbers/random.hpp"
@@ -144,6 +146,18 @@ TEST(Elementary, SinCosWithinTwoUlpOfOne) {
     const SinCos turned = sincos(x);
     EXPECT_NEAR(even ? turned.sin : turned.cos, static_cast<double>(even ? sine(x) : cosine(x)), 1e-25) << k;
     EXPECT_NEAR(even ? turned.cos : turned.sin, static_cast<double>(even ? cosine(x) : sine(x)), ulp_of_1) << k;
+  }
+}
+
+TEST(Elementary, SinCosOfLanesHasTheBitsOfSinCos) {
+  for (int i = -40'000; i < 40'000; ++i) {
+    const Lanes x = {0.01 * i, 1.5707963267948966 * i, -1.37 * i, 1e-9 * i};
+    const auto [sin, cos] = sincos(x);
+    for (int lane = 0; lane < 4; ++lane) {
+      const SinCos one = sincos(x[lane]);
+      ASSERT_EQ(std::bit_cast<std::uint64_t>(sin[lane]), std::bit_cast<std::uint64_t>(one.sin)) << x[lane];
+      ASSERT_EQ(std::bit_cast<std::uint64_t>(cos[lane]), std::bit_cast<std::uint64_t>(one.cos)) << x[lane];
+    }
   }
 }
 
