@@ -47,7 +47,7 @@ class EncodingThread {
   void send(std::span<Item> instant) noexcept;
   void publish() noexcept;
 
-  static constexpr std::size_t batch_size = 256, batches = 4;
+  static constexpr std::size_t batch_size = 1024, batches = 3;
   const std::atomic<bool>& stop_;
   BatchRing<Batch, batches> ring_;
   Batch* filling_ = nullptr;

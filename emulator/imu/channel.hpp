@@ -76,14 +76,16 @@ class Channel {
   void set_faults(std::span<const ActiveFault> wire, std::span<const ActiveFault> power) noexcept;
 
   // --- Samples, after Sensor::sense() ---
-  // A sample on its way to the device and the ports, on a cache line of its own because an EncodingThread may use it.
-  struct alignas(64) Outgoing {
+  // A sample on its way to the device and the ports.
+  struct Outgoing {
     Sample* sample = nullptr;
     std::optional<TruthTime> truth;  // up to which the device receives edges before it; nullopt: edges are discarded
     bool is_silent = false;          // its frames are discarded
     bool is_shown = false;           // the feed gets it
   };
-  Outgoing prepared;  // by prepare()
+  // On a cache line of its own, because an EncodingThread uses the rest of the channel.
+  struct alignas(64) Prepared : Outgoing {};
+  Prepared prepared;  // by prepare()
   // Prepares the sample that Sensor::sense() has taken, and sets its faults.
   void prepare(std::optional<TruthTime> truth, bool silent) noexcept;
   // Polls the device's deadlines up to the sample, and sends their frames. Then makes the frames of the sample. If it
