@@ -77,8 +77,8 @@ class Device {
   virtual std::optional<SensorFilters> filters() const noexcept;
 
   // --- The second UART of a product that has two (Protocol::has_second_uart) ---
-  // Connects it: from now on the device also makes the frames that leave there, with Frame::uart 1. Default: does
-  // nothing.
+  // Connects the second UART: from now on the device also makes the frames that leave there, with Frame::uart 1.
+  // Default: does nothing.
   virtual void connect_second_uart() noexcept;
   // Returns its settings, as uart() does. Default: a UartSettings{}.
   virtual UartSettings second_uart() const noexcept;

@@ -9,8 +9,8 @@ namespace imud {
 
 // The deviation from the straight line (IEEE Std 952-1997, 3.2 and IEEE Std 1293-2018, the model equation's K2, K3):
 //   m <- m + a/2 |m| + q m^2 + c m^3
-// with a the asymmetry: positive values have the factor 1 + a/2, negative values 1 - a/2. An increment
-// uses the mean of its step.
+// with a the asymmetry: positive values have the factor 1 + a/2, negative values 1 - a/2. For an
+// increment, m is its mean over the step.
 class Nonlinearity : public StatelessEffect {
  public:
   static constexpr std::string_view name = "asymmetry and nonlinearity";

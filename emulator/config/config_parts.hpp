@@ -47,8 +47,8 @@ void check_files(Config& config, const std::string& path, const toml::array& tab
 // Returns the UDP port on which a listener at `port` receives; nullopt if it receives on all or none, if the system
 // chooses it, or if the text is malformed.
 std::optional<std::uint16_t> udp_port(const std::string& port);
-// Returns the port number at one end of the TCP connection of `port`; nullopt if it uses no TCP, if the system
-// chooses it, or if the text is malformed.
+// Returns the TCP port number that `port` connects to or listens at; nullopt if it uses no TCP, if the system chooses
+// the number, or if the text is malformed.
 std::optional<std::uint16_t> tcp_port(const std::string& port);
 
 // Reads the declared settings that the table has, or `own`, a table in it that is for them alone. A list may be given

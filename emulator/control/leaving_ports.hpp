@@ -9,8 +9,8 @@
 
 namespace imud {
 
-// Closes a port when its held-back frames are sent and read, or `longest` after its replacement. The remaining frames
-// then count as dropped. One thread, not the sampling thread.
+// Closes a port when the frames that it holds back are sent and read, or `longest` after its replacement. The
+// remaining frames then count as dropped. Used by one thread, which is not the sampling thread.
 class LeavingPorts {
  public:
   static constexpr Nanoseconds longest = std::chrono::seconds(2);

@@ -37,8 +37,8 @@ struct RunningKey {
 
 std::span<const RunningKey> running_keys() noexcept;
 
-// Adds the commands that set the key, "truth.delay_ms" or "imu.imu1.gyro.bias_rad_per_s" ("imu.*." for all).
-// Throws RpcError.
+// Adds the commands that set `key`, such as "truth.delay_ms" or "imu.imu1.gyro.bias_rad_per_s"; "imu.*." means all
+// imus. Throws RpcError.
 void add_commands(std::vector<Command>& commands, const std::string& key, const Json& value, const Config& config);
 
 // Returns the table for people's programs: [{"key", "meaning", "type", "min", "max", "words"}, ...].

@@ -20,8 +20,8 @@ ChosenPorts chosen_ports(const Engine& engine);
 // everything; the rest counts as dropped. Returns false if a reader is known not to have read everything.
 bool drain(Engine& engine, std::chrono::milliseconds readers) noexcept;
 
-// Called after drain() if the run has not failed: Channel::commit() of all channels, even if one fails. Throws the
-// first exception.
+// Calls Channel::commit() of all channels, even if one fails, and then throws the first exception. Called after
+// drain() if the run has not failed.
 void commit(std::span<const std::unique_ptr<Channel>> channels);
 
 // Returns the outcomes of the expectations.

@@ -12,8 +12,8 @@ namespace imud {
 // is worth a report. One thread.
 class SpeedMismatch {
  public:
-  // The two ends have different speeds at `now`, which rises from call to call. Returns true if both have had these
-  // very speeds for `least`, or if no speed has matched for five times as long.
+  // Called while the two ends have different speeds; `now` rises from call to call. Returns true if this pair of
+  // speeds has lasted for `least`, or if the ends have differed, by any speeds, for five times as long.
   bool lasts(Port::Speeds speeds, HostTime now, Nanoseconds least) noexcept {
     if (!begin_) begin_ = now;
     if (now == *begin_ || speeds.line != speeds_.line || speeds.client != speeds_.client) {

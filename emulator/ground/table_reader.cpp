@@ -21,7 +21,7 @@ std::string Faults::text(std::uint32_t line, std::string_view key, std::string_v
                   : fmt::format("{}: {}: {}", file_, key, what);
 }
 
-// Returns the value of the key in the spelling that the table has; nullptr if it is absent.
+// Returns the value of `key`, also where the table spells the key otherwise (is_same_key); nullptr if it is absent.
 const toml::node* TableReader::find(std::string_view key) const {
   if (table_ == nullptr) return nullptr;
   if (const toml::node* found = table_->get(key)) return found;

@@ -39,8 +39,8 @@ class BoundsWatch {
 
   explicit BoundsWatch(const TruthBounds& bounds) noexcept : bounds_(bounds) {}
 
-  // Returns the first excess of `truth` of a kind that was not returned before; nullopt: there is none. `follows`:
-  // the truth is later than the last one, in the same run.
+  // Returns the first excess in `truth` whose kind was not returned before; nullopt: there is none. `follows`:
+  // `truth` is later than the truth before it, and of the same run.
   std::optional<Excess> check(const Truth& truth, bool follows) noexcept {
     std::optional<Excess> found;
     const auto compare = [&](Kind kind, double value, double bound) {

@@ -35,8 +35,8 @@ std::vector<KeyChange> key_changes(const Config& before, const Config& after);
 // all keys of a table.
 std::span<const std::string_view> reloadable_keys(bool of_imu) noexcept;
 
-// Everything that the sampling thread needs to change over. Another thread makes it, and destroys it after the
-// sampling thread has executed Command::Kind::reload. It then holds the replaced objects.
+// Everything that the sampling thread needs to change over. Another thread makes the Reload. Command::Kind::reload
+// exchanges its objects for those in use, and then the other thread destroys the Reload with the replaced objects.
 struct Reload {
   // A sensor and a device that replace a channel's sensor and device.
   struct Sensor {

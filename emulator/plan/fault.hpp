@@ -77,7 +77,8 @@ struct FaultKind {
   bool needs_self_test = false;  // the product must have one
 };
 
-// Returns true if the table has one kind for each of the `count` enumerators of its seam, in their order.
+// Returns true if `table`, the kinds of one seam, has exactly one kind for each of the `count` codes of that seam, in
+// their order.
 constexpr bool has_every_code(std::span<const FaultKind> table, std::size_t count) noexcept {
   for (std::size_t i = 0; i < table.size(); ++i)
     if (table[i].code.value() != i) return false;

@@ -85,7 +85,8 @@ std::string run_with_twins(Config config, const TwinRun& run, const OnTruth& on_
                            const std::function<void(std::size_t imu)>& awaits_truth = nullptr) {
   const std::vector<ImuConfig> imus = std::exchange(config.imus, {});
   for (std::size_t i = 0; i < imus.size(); ++i) {
-    // The twin comes first: its sample is sent before the imu's sample, and after the frames of the imu's deadlines.
+    // The twin precedes its imu, so that its sample is sent before the imu's sample, but after the frames that the
+    // imu's deadlines cause.
     config.imus.push_back(without_errors(imus[i]));
     config.imus.push_back(imus[i]);
     for (std::size_t k = 2 * i; k < config.imus.size(); ++k) config.imus[k].also.clear();

@@ -38,7 +38,7 @@ struct WebContent {
 
 class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
  public:
-  // `guard` is destroyed with the connection. `content` must outlive it, as long as events are handled.
+  // The connection holds `guard` until it is destroyed. `content` must exist while events are handled.
   HttpConnection(boost::asio::ip::tcp::socket socket, WebContent& content, std::shared_ptr<void> guard);
   void read();
   // Closes the connection that has waited longest for a request, to make room for a new one. Closes a connection with

@@ -33,8 +33,8 @@ class WebServer {
 
   // Returns "ADDR:PORT" with the port that the system has chosen.
   std::string address() const;
-  // Begins to answer. `metrics` returns the text of /metrics, in the format that the reader accepts. `counters`
-  // outlives the handlers of the io_context.
+  // Begins to answer. `metrics` returns the text of /metrics in the given format, which the request's Accept field
+  // selects. `counters` must outlive the handlers of the io_context.
   void serve(WebApi api, std::function<std::string(MetricsFormat)> metrics, ControlCounters& counters);
 
  private:

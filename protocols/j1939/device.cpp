@@ -114,8 +114,8 @@ class J1939Device final : public Device {
 
   std::span<const std::uint64_t> counts() const noexcept override { return counts_; }
 
-  // The order of the filters, the second, is an assumption. At 100 samples a second there is nothing above 50 Hz that
-  // the widest one could remove.
+  // That the filters are of second order is an assumption. At 100 samples a second the widest one, of 50 Hz, would
+  // remove nothing.
   std::optional<SensorFilters> filters() const noexcept override {
     const auto low_pass = [](std::uint8_t cutoff_hz) {
       SensorFilter filter;

@@ -7,9 +7,9 @@
 
 namespace imud {
 
-// Returns a preset's file, for the key `model` of imud, whose sensors have the fitted terms of each axis: all terms
-// that are seen, in the units of data sheets, with standard errors as comments. The range of the sensors, which a
-// recording at rest does not show, is large.
+// Returns the text of a preset file for imud's key `model`. Its sensors have the fitted terms of each axis that are
+// seen, in the units of data sheets, with standard errors as comments. Their range is large, because a recording at
+// rest does not show it.
 std::string preset_text(const AllanReport& report);
 
 }  // namespace imud

@@ -11,7 +11,7 @@ namespace imud {
 
 class RowClock {
  public:
-  // `rate_hz`: of measurements without time, the first of which is at 0; nullopt: such measurements have no time.
+  // `rate_hz`: row k is at k/rate_hz if its measurement carries no time; nullopt: such a row has no time.
   explicit RowClock(std::optional<double> rate_hz) : rate_hz_(rate_hz) {}
 
   // Returns the time of the next measurement in ns, from 0; nullopt, which is counted: it has none.

@@ -122,7 +122,8 @@ FileDescriptor ConnectingSocket::next_peer() noexcept {
   if (!pending_) {
     if (!back_off_.due()) return {};
     pending_.reset(::socket(address_.family(), SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
-    // A machine that does not answer is tried for 7 s, so that the next attempt is not late when it is back.
+    // An attempt ends after 7 s without an answer. The kernel doubles the intervals of its repetitions, so that a
+    // longer attempt would notice late that the machine is back.
     set_option(pending_.get(), IPPROTO_TCP, TCP_SYNCNT, 2);
     if (::connect(pending_.get(), address_.get(), address_.size) != 0 && errno != EINPROGRESS) {
       pending_.reset();
