@@ -20,8 +20,8 @@ namespace fs = std::filesystem;
 
 // Returns the process of /proc/NUMBER/stat: "NUMBER (NAME) STATE PARENT ..." (proc(5)); its name is empty if it has
 // ended.
-TerminalClient process_of(pid_t process) {
-  std::ifstream file(fmt::format("/proc/{}/stat", process));
+TerminalClient process_of(const fs::path& proc, pid_t process) {
+  std::ifstream file(proc / fmt::format("{}/stat", process));
   std::string text;
   std::getline(file, text);
   const std::size_t begin = text.find('('), end = text.rfind(')');
@@ -34,10 +34,10 @@ TerminalClient process_of(pid_t process) {
 using Holders = std::map<pid_t, TerminalClient>;
 
 // Returns the processes that have a terminal open, for each that is a key of `terminals`.
-std::map<std::string, Holders> holders_of(const TerminalClients& terminals) {
+std::map<std::string, Holders> holders_of(const TerminalClients& terminals, const fs::path& proc) {
   std::map<std::string, Holders> holders;
   std::error_code error;
-  for (fs::directory_iterator entry("/proc", error), none; !error && entry != none; entry.increment(error)) {
+  for (fs::directory_iterator entry(proc, error), none; !error && entry != none; entry.increment(error)) {
     const std::string name = entry->path().filename().string();
     pid_t process = 0;
     const auto [end, fault] = std::from_chars(name.data(), name.data() + name.size(), process);
@@ -47,7 +47,7 @@ std::map<std::string, Holders> holders_of(const TerminalClients& terminals) {
          fd.increment(unreadable)) {
       const fs::path file = fs::read_symlink(fd->path(), unreadable);
       if (unreadable || !terminals.contains(file.native()) || holders[file.native()].contains(process)) continue;
-      if (TerminalClient client = process_of(process); !client.name.empty())
+      if (TerminalClient client = process_of(proc, process); !client.name.empty())
         holders[file.native()].emplace(process, std::move(client));
     }
   }
@@ -55,7 +55,7 @@ std::map<std::string, Holders> holders_of(const TerminalClients& terminals) {
 }
 
 // Leaves out imud, and processes that have inherited the terminal.
-std::vector<TerminalClient> programs_among(const Holders& holders) {
+std::vector<TerminalClient> programs_among(const Holders& holders, const fs::path& proc) {
   std::vector<TerminalClient> clients;
   for (const auto& [process, client] : holders) {
     bool is_inherited = false;
@@ -63,7 +63,7 @@ std::vector<TerminalClient> programs_among(const Holders& holders) {
     pid_t ancestor = client.parent;
     for (int i = 0; i < most && ancestor > 1 && !is_inherited; ++i) {
       is_inherited = holders.contains(ancestor);
-      ancestor = process_of(ancestor).parent;
+      ancestor = process_of(proc, ancestor).parent;
     }
     if (!is_inherited && client.name != "imud") clients.push_back(client);
   }
@@ -72,12 +72,12 @@ std::vector<TerminalClient> programs_among(const Holders& holders) {
 
 }  // namespace
 
-void find_terminal_clients(TerminalClients& clients) {
+void find_terminal_clients(TerminalClients& clients, const fs::path& proc) {
   if (clients.empty()) return;
-  const std::map<std::string, Holders> holders = holders_of(clients);
+  const std::map<std::string, Holders> holders = holders_of(clients, proc);
   for (auto& [terminal, programs] : clients) {
     const auto found = holders.find(terminal);
-    programs = found == holders.end() ? std::vector<TerminalClient>() : programs_among(found->second);
+    programs = found == holders.end() ? std::vector<TerminalClient>() : programs_among(found->second, proc);
   }
 }
 

@@ -3,6 +3,7 @@
 
 #include <sys/types.h>
 
+#include <filesystem>
 #include <map>
 #include <string>
 #include <vector>
@@ -23,8 +24,8 @@ using TerminalClients = std::map<std::string, std::vector<TerminalClient>>;
 
 // Sets for each terminal in `clients`, such as /dev/pts/4, the programs that have it open, as far as /proc shows them
 // to this user. Leaves out imud itself, and a process whose ancestor has the terminal open, too, because it has
-// inherited it. Reads /proc once, which takes milliseconds.
-void find_terminal_clients(TerminalClients& clients);
+// inherited it. Reads `proc` (proc(5)) once, which takes milliseconds.
+void find_terminal_clients(TerminalClients& clients, const std::filesystem::path& proc = "/proc");
 
 // Watches ptys. For the main thread, because it reads /proc.
 class PtyReaders {
