@@ -373,7 +373,8 @@ IMUD_DISPATCHED Sample Imu::sample_moving(const Timeline& timeline, TruthTime ti
   ++counter_;
 }
 
-// At rest and while the simulator stands still: out of line, so that it changes nothing on the way of other samples.
+// Used at rest and while the simulator stands still. Out of line, so that the code of all other samples stays as it
+// is.
 [[gnu::noinline]] void Imu::finish_slowly(const Timeline& timeline, const MotionState& now, Sample& out) noexcept {
   finish(timeline, now, sampled_, out);
 }
