@@ -46,14 +46,14 @@ inline constexpr std::array<double, Terms> odd_reciprocals = make_odd_reciprocal
 
 // c[0] + c[1] x + c[2] x^2 + ... by Estrin's scheme (pairs, pairs of pairs, ...), whose chain of dependent
 // operations is shorter than in Horner's rule.
-template <std::size_t N>
-constexpr double polynomial(const std::array<double, N>& c, double x) {
+template <class Coefficient, std::size_t N, class Real>
+[[gnu::always_inline]] constexpr Real polynomial(const std::array<Coefficient, N>& c, Real x) {
   if constexpr (N == 1) {
     return c[0];
   } else {
-    std::array<double, (N + 1) / 2> pairs = {};
+    std::array<Real, (N + 1) / 2> pairs = {};
     for (std::size_t i = 0; i < N / 2; ++i) pairs[i] = c[2 * i] + c[2 * i + 1] * x;
-    if constexpr (N % 2 == 1) pairs.back() = c.back();
+    if constexpr (N % 2 == 1) pairs.back() = c.back() - Real{};
     return polynomial(pairs, x * x);
   }
 }
@@ -113,6 +113,18 @@ inline double atan2(double y, double x) {
   return y < 0.0 ? -angle : angle;
 }
 
+namespace detail {
+// Returns the natural logarithm of m 2^exponent, m being between sqrt(1/2) and sqrt(2).
+template <class Real>
+[[gnu::always_inline]] inline Real log_of(Real m, Real exponent) {
+  const Real s = (m - 1.0) / (m + 1.0);  // log m = 2 atanh s, |s| < 0.172
+  const Real sum = polynomial(odd_reciprocals<12>, Real(s * s));
+  constexpr double ln2_high = 0x1.62e42fee00000p-1;  // 33 bits: times an exponent it is exact
+  constexpr double ln2_low = 0x1.a39ef35793c76p-33;
+  return exponent * ln2_high + (2.0 * s * sum + exponent * ln2_low);
+}
+}  // namespace detail
+
 // Returns the natural logarithm of x, finite and above 0, not subnormal.
 inline double log(double x) {
   auto bits = std::bit_cast<std::uint64_t>(x);
@@ -123,12 +135,17 @@ inline double log(double x) {
     m *= 2.0;
     --exponent;
   }
-  const double s = (m - 1.0) / (m + 1.0);  // log m = 2 atanh s, |s| < 0.172
-  const double z = s * s;
-  const double sum = detail::polynomial(detail::odd_reciprocals<12>, z);
-  constexpr double ln2_high = 0x1.62e42fee00000p-1;  // 33 bits: times an exponent it is exact
-  constexpr double ln2_low = 0x1.a39ef35793c76p-33;
-  return exponent * ln2_high + (2.0 * s * sum + exponent * ln2_low);
+  return detail::log_of(m, static_cast<double>(exponent));
+}
+
+// Returns the natural logarithm of each lane of x, with the bits of log().
+[[gnu::always_inline]] inline Lanes log(Lanes x) {
+  const auto bits = std::bit_cast<LaneMask>(x);
+  // 2^52 and an integer below it are the bits of their sum.
+  const Lanes exponent = std::bit_cast<Lanes>((bits >> 52) | 0x4330'0000'0000'0000LL) - (0x1p52 + 1022.0);
+  const auto m = std::bit_cast<Lanes>((bits & 0x000F'FFFF'FFFF'FFFFLL) | 0x3FE0'0000'0000'0000LL);  // in [0.5, 1)
+  const LaneMask is_small = m < 0.70710678118654752;
+  return detail::log_of(select(is_small, 2.0 * m, m), select(is_small, exponent - 1.0, exponent));
 }
 
 // Returns e^x; 0 for x <= -708 and for a NaN, e^709 for x > 709.

@@ -53,14 +53,19 @@ constexpr Coefficients far_denominator = {1.0,
 
 namespace {
 
-// inverse_normal_cdf() beyond |p - 1/2| = 0.425. Always inline: the batches of AVX2 take its instructions.
-[[gnu::always_inline]] inline double tail_of_normal(double p) noexcept {
+constexpr double central = 0.425;  // inverse_normal_cdf() is a function of p - 1/2 up to here
+
+// inverse_normal_cdf() beyond. Always inline: the batches of AVX2 take its instructions.
+[[gnu::always_inline]] inline Lanes tail_of_normal(Lanes p) noexcept {
   using elementary::detail::polynomial;
-  const bool is_lower = p < 0.5;
-  const double r = std::sqrt(-elementary::log(is_lower ? p : 1.0 - p));
-  const double x = r <= 5.0 ? polynomial(near_numerator, r - 1.6) / polynomial(near_denominator, r - 1.6)
-                            : polynomial(far_numerator, r - 5.0) / polynomial(far_denominator, r - 5.0);
-  return is_lower ? -x : x;
+  Lanes r = -elementary::log(select(p < 0.5, p, 1.0 - p));
+  for (int i = 0; i < 4; ++i) r[i] = std::sqrt(r[i]);
+  const Lanes near = r - 1.6;
+  Lanes x = polynomial(near_numerator, near) / polynomial(near_denominator, near);
+  for (int i = 0; i < 4; ++i)
+    if (r[i] > 5.0) [[unlikely]]
+      x[i] = polynomial(far_numerator, r[i] - 5.0) / polynomial(far_denominator, r[i] - 5.0);
+  return select(p < 0.5, -x, x);
 }
 
 }  // namespace
@@ -68,7 +73,7 @@ namespace {
 double inverse_normal_cdf(double p) noexcept {
   using elementary::detail::polynomial;
   const double q = p - 0.5;
-  if (std::abs(q) > 0.425) return tail_of_normal(p);
+  if (std::abs(q) > central) return tail_of_normal(all_lanes(p))[0];
   const double r = 0.180625 - q * q;
   return q * polynomial(central_numerator, r) / polynomial(central_denominator, r);
 }
@@ -138,8 +143,20 @@ struct BatchId {
     const double r = 0.180625 - q * q;
     x[i] = q * polynomial(central_numerator, r) / polynomial(central_denominator, r);
   }
-  for (std::size_t i = 0; i < p.size(); ++i)
-    if (std::abs(p[i] - 0.5) > 0.425) x[i] = tail_of_normal(p[i]);
+  // The tails, four at once.
+  std::array<std::uint8_t, std::tuple_size_v<Deviates> + 3> tails;
+  std::size_t count = 0;
+  for (std::size_t i = 0; i < p.size(); ++i) {
+    tails[count] = static_cast<std::uint8_t>(i);
+    count += std::abs(p[i] - 0.5) > central ? 1 : 0;
+  }
+  if (count == 0) return;
+  for (std::size_t i = count; i < count + 3; ++i) tails[i] = tails[0];
+  for (std::size_t i = 0; i < count; i += 4) {
+    const auto* const at = &tails[i];
+    const Lanes tail = tail_of_normal(Lanes{p[at[0]], p[at[1]], p[at[2]], p[at[3]]});
+    for (int j = 0; j < 4; ++j) x[at[j]] = tail[j];
+  }
 }
 
 void compute_batch(const BatchId& id, Deviates& deviates) noexcept {

@@ -161,6 +161,15 @@ TEST(Elementary, SinCosOfLanesHasTheBitsOfSinCos) {
   }
 }
 
+TEST(Elementary, LogOfLanesHasTheBitsOfLog) {
+  for (double x = std::numeric_limits<double>::min(); x < 1e300; x *= 1.00713) {
+    const Lanes all = {x, 1.37 * x, 1.0 / (1.0 + x), 0.70710678118654752 + 1e-17 * x};
+    const Lanes logs = log(all);
+    for (int lane = 0; lane < 4; ++lane)
+      ASSERT_EQ(std::bit_cast<std::uint64_t>(logs[lane]), std::bit_cast<std::uint64_t>(log(all[lane]))) << all[lane];
+  }
+}
+
 TEST(Elementary, SmallSineKeepsAllDigits) {
   for (double x = 1e-300; x < 1e-3; x *= 11.0) EXPECT_NEAR(sincos(x).sin / std::sin(x), 1.0, 2.0 * ulp_of_1) << x;
 }
