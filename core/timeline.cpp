@@ -314,7 +314,7 @@ IMUD_DISPATCHED const MotionState& Timeline::at(TruthTime time, MotionState& oth
   const Knot& k = knot(end);
   if (time == k.state.time) return k.state;
   const Knot& begin = knot(end - 1);
-  other = interpolate(begin, k, seconds(time - begin.state.time) / k.h_s);
+  interpolate(begin, k, seconds(time - begin.state.time) / k.h_s, other);
   other.time = time;
   return other;
 }
@@ -328,12 +328,13 @@ IMUD_DISPATCHED const MotionState& Timeline::at(TruthTime time, MotionState& oth
   return {sum(Quintic::value(s), 1.0), sum(Quintic::derivative(s), 1.0 / h), sum(Quintic::second(s), 1.0 / (h * h))};
 }
 
-MotionState Timeline::interpolate(const Knot& begin, const Knot& end, double s) noexcept {
+// Sets all of `state` but its time.
+void Timeline::interpolate(const Knot& begin, const Knot& end, double s, MotionState& state) noexcept {
   const Hermite value = Hermite::value(s);
   const Hermite derivative = Hermite::derivative(s);
   const double h = end.h_s;
   const double inverse_h = 1.0 / h;
-  MotionState state;
+  state.basis = MotionState::Basis::interpolated;
   state.derived = end.state.derived | (end.follows_gap ? status::truth_gap : 0U);
   if (end.is_quintic) {
     const Turn curve = turn(begin, end, s);
@@ -356,7 +357,6 @@ MotionState Timeline::interpolate(const Knot& begin, const Knot& end, double s) 
     force_N = derivative(begin.specific_force_N, force_N, end.specific_force_N);
   }
   state.specific_force_B = state.q_NB.conjugate() * force_N;
-  return state;
 }
 
 MotionState Timeline::extrapolate(TruthTime time) const noexcept {

@@ -197,7 +197,7 @@ class Timeline {
   struct Turn;
   static Turn turn(const Knot& begin, const Knot& end, double s) noexcept;
   std::size_t segment_end(TruthTime time) const noexcept;
-  static MotionState interpolate(const Knot& begin, const Knot& end, double s) noexcept;
+  static void interpolate(const Knot& begin, const Knot& end, double s, MotionState& state) noexcept;
   MotionState extrapolate(TruthTime time) const noexcept;
   MotionState before_run(TruthTime time) const noexcept;
   template <class Value>
