@@ -99,7 +99,13 @@ std::string FaultConfig::text() const {
 std::vector<Normals> fault_normals(std::string_view imu, std::uint64_t seed, std::size_t faults) {
   std::vector<Normals> all;
   all.reserve(faults);
-  for (std::size_t i = 0; i < faults; ++i) all.emplace_back(seed, stream_id(fmt::format("{}/fault/{}", imu, i)));
+  std::string name = fmt::format("{}/fault/", imu);
+  const std::size_t size = name.size();
+  for (std::size_t i = 0; i < faults; ++i) {
+    const fmt::format_int number(i);
+    name.resize(size);
+    all.emplace_back(seed, stream_id(name.append(number.data(), number.size())));
+  }
   return all;
 }
 
