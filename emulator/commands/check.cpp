@@ -85,7 +85,7 @@ void print_text(const std::string& path, const Config& config) {
   for (const ExpectConfig& expect : config.expectations)
     fmt::print("{:<8} expected: {}\n", expect.name, expect.text());
   for (const std::string& warning : config.warnings) fmt::print("warning: {}\n", warning);
-  fmt::print("\n# The value of every key; imud check --toml prints only this.\n{}", config.resolved);
+  fmt::print("\n# The value of every key; imud check --toml prints only this.\n{}", config.resolved());
 }
 
 Json load_json(const std::string& port, const LineLoad& load) {
@@ -101,7 +101,7 @@ Json load_json(const std::string& port, const LineLoad& load) {
 
 void print_json(const std::string& path, const Config& config) {
   std::ostringstream resolved;
-  resolved << toml::json_formatter(toml::parse(config.resolved));
+  resolved << toml::json_formatter(toml::parse(config.resolved()));
   Json imus = Json::array();
   for (const ImuConfig& imu : config.imus) {
     Json lines = Json::array({load_json(imu.port, line_load(imu))});
@@ -180,7 +180,7 @@ int check(const std::string& path, std::span<const std::string> overrides, const
     if (!findings.faults.empty() && !options.repeats) throw ConfigError(findings.faults);
     config.warnings.insert(config.warnings.end(), findings.warnings.begin(), findings.warnings.end());
     if (options.layout == CheckLayout::text) print_text(path, config);
-    if (options.layout == CheckLayout::toml) fmt::print("{}", config.resolved);
+    if (options.layout == CheckLayout::toml) fmt::print("{}", config.resolved());
     if (options.layout == CheckLayout::json) print_json(path, config);
     return 0;
   } catch (const ConfigError& error) {

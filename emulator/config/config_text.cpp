@@ -209,7 +209,7 @@ ConfigText read_config_text(const std::string& path, std::span<const std::string
   return text;
 }
 
-std::string toml_text(toml::table& table) {
+std::string toml_text(toml::table table) {
   prune(table);
   std::ostringstream text;
   text << toml::toml_formatter(table,

@@ -25,7 +25,7 @@ ConfigText read_config_text(const std::string& path, std::span<const std::string
 // Returns the SHA-256 of the bytes, in hexadecimal.
 std::string sha256(const std::string& bytes);
 
-// Returns the table as TOML, without the empty tables in it, which it removes.
-std::string toml_text(toml::table& table);
+// Returns the table as TOML, without the empty tables in it.
+std::string toml_text(toml::table table);
 
 }  // namespace imud

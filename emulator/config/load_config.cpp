@@ -1,6 +1,7 @@
 #include "emulator/config/load_config.hpp"
 
 #include <algorithm>
+#include <memory>
 #include <optional>
 #include <thread>
 #include <utility>
@@ -332,7 +333,7 @@ Config read_config(ConfigText text, const std::string& path, const std::string& 
   if (!all_faults.empty()) throw ConfigError(all_faults);
   config.warnings = faults.warnings();
   table.resolve("imu", std::move(resolved_imus));
-  config.resolved = toml_text(resolved);
+  config.resolved = [table = std::make_shared<const toml::table>(std::move(resolved))] { return toml_text(*table); };
   return config;
 }
 

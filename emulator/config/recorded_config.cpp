@@ -46,7 +46,7 @@ std::optional<std::string> recorded_config(const std::string& path) {
 }
 
 std::vector<std::string> differences(const Config& config, const Config& recorded) {
-  const toml::table ours = toml::parse(config.resolved), theirs = toml::parse(recorded.resolved);
+  const toml::table ours = toml::parse(config.resolved()), theirs = toml::parse(recorded.resolved());
   std::vector<std::string> all;
   const auto add = [&](const std::string& key, const std::string& is, const std::string& was) {
     all.push_back(fmt::format("{}: {}, but {} in the recorded run", key, is, was));

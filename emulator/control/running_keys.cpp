@@ -150,7 +150,7 @@ std::vector<std::string> keys_of(bool of_imu, const Config& config) {
   std::vector<std::string> paths;
   for (const RunningKey& key : entries)
     if (key.of_imu == of_imu) paths.emplace_back(key.key);
-  const toml::table root = toml::parse(config.resolved);
+  const toml::table root = toml::parse(config.resolved());
   if (!of_imu) add_paths(root, "", paths);
   if (const toml::array* imus = root["imu"].as_array(); of_imu && imus != nullptr)
     for (const toml::node& imu : *imus) add_paths(*imu.as_table(), "", paths);

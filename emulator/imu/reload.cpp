@@ -114,7 +114,7 @@ std::span<const std::string_view> reloadable_keys(bool of_imu) noexcept {
 
 std::vector<KeyChange> key_changes(const Config& before, const Config& after) {
   constexpr const char* fixed = "cannot change while the run goes on";
-  const toml::table ours = toml::parse(before.resolved), theirs = toml::parse(after.resolved);
+  const toml::table ours = toml::parse(before.resolved()), theirs = toml::parse(after.resolved());
   std::vector<KeyChange> all;
   compare(&ours, &theirs, "", true, [&](const std::string& key, const std::string& one, const std::string& other) {
     if (key == "imu") return;
@@ -141,7 +141,7 @@ std::vector<KeyChange> key_changes(const Config& before, const Config& after) {
 }
 
 Reload::Reload(const Config& before, const Config& after, std::span<const ImuConfig> imus, std::uint64_t seed)
-    : text(after.resolved) {
+    : text(after.resolved()) {
   const std::vector<KeyChange> changes = key_changes(before, after);
   const auto has = [&](std::string_view key) { return std::ranges::count(changes, key, &KeyChange::key) > 0; };
   const auto changes_sensor = [&](const std::string& imu) {

@@ -4,6 +4,7 @@
 
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <span>
 #include <stdexcept>
@@ -137,8 +138,9 @@ struct Config {
   std::vector<ExpectConfig> expectations;
   // The SHA-256, in hexadecimal, of the file, followed by a line for each override if there are any.
   std::string sha256;
-  // The value of every key, including absent ones, as TOML. load_config() reads it as this configuration.
-  std::string resolved;
+  // Returns the value of every key, including absent ones, as TOML; each call makes the text. load_config() reads it
+  // as this configuration. Any thread may call it.
+  std::function<std::string()> resolved = [] { return std::string(); };
   // Each describes a valid value that is probably not meant: "file:line: key: what".
   std::vector<std::string> warnings;
   // The regular files that it was read from, reads truth from, or writes.

@@ -172,7 +172,7 @@ int run(const Config& config, const RunOptions& options) {
                      .control = &control,
                      .threads = options.threads.value_or(std::thread::hardware_concurrency() > 1 ? 3 : 1)});
   Engine& engine = assembly.engine();
-  if (recorder) recorder->start(!is_capture(config.truth.port), config.resolved);
+  if (recorder) recorder->start(!is_capture(config.truth.port), config.resolved());
   log_details(config);
   if (const unsigned threads = assembly.threads(); threads > 1)
     spdlog::info("the replay is computed by {} threads", threads);

@@ -60,7 +60,7 @@ std::string origin_of(const Config& config, const RunOptions& options) {
   if (capture.empty()) return {};
   std::string limit;
   if (options.duration_s) limit = fmt::format(", --for {}", *options.duration_s);
-  return fmt::format("imud {}, configuration {}, capture {}{}", IMUD_VERSION, sha256(config.resolved),
+  return fmt::format("imud {}, configuration {}, capture {}{}", IMUD_VERSION, sha256(config.resolved()),
                      sha256_of_file(capture), limit);
 }
 

@@ -27,7 +27,7 @@ class CheckTest : public RunTest {
     return text;
   }
   std::string resolved(const std::string& text, const std::vector<std::string>& overrides = {}) const {
-    return load_config(write("c.toml", text), overrides).resolved;
+    return load_config(write("c.toml", text), overrides).resolved();
   }
 };
 

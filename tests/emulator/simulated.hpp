@@ -171,7 +171,7 @@ class SimulatedRun {
     };
     StepSink& sink = recorder != nullptr ? *recorder : StepSink::none();
     assembly_.emplace(config_, ports, Assembly::Parts{.sink = sink, .control = control});
-    if (recorder != nullptr) recorder->start(true, config_.resolved);
+    if (recorder != nullptr) recorder->start(true, config_.resolved());
     assembly_->run(host_, host_.stop);
   }
 

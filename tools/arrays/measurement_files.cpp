@@ -111,7 +111,7 @@ RowAttributes attributes_of(const MeasurementFiles::Options& options, const Prot
   all.imu = valid_utf8(imu_name(options, port));
   if (options.config.empty() && truth == nullptr) return all;
   const Config config = truth == nullptr ? load_config(options.config) : truth->config();
-  all.texts.emplace_back("config", valid_utf8(config.resolved));
+  all.texts.emplace_back("config", valid_utf8(config.resolved()));
   all.seed = config.seed;
   return all;
 }

@@ -131,8 +131,8 @@ TEST_F(ConfigFuzz, AnyConfigurationIsReadOrRefused) {
     try {
       const Config config = load_config(path, overrides);
       ++good;
-      write(path, config.resolved);
-      EXPECT_EQ(load_config(path).resolved, config.resolved) << text;
+      write(path, config.resolved());
+      EXPECT_EQ(load_config(path).resolved(), config.resolved()) << text;
     } catch (const ConfigError& error) {
       ++refused;
       EXPECT_FALSE(error.faults.empty());

@@ -115,8 +115,8 @@ TEST_F(ConfigTest, TheDelayIsAutomaticUnlessItIsGiven) {
   EXPECT_EQ(percent({"clock=lockstep"}), 0.0);
   EXPECT_EQ(percent({"truth.port=pcap:truth.pcap"}), 0.0);
   EXPECT_EQ(percent({"truth.port=pcap:truth.pcap", "clock=fast"}), 0.0);
-  EXPECT_NE(load(good, {}).resolved.find("delay_ms = \"auto\""), std::string::npos) << load(good, {}).resolved;
-  EXPECT_NE(load(good, {"clock=lockstep"}).resolved.find("delay_ms = 0.0"), std::string::npos);
+  EXPECT_NE(load(good, {}).resolved().find("delay_ms = \"auto\""), std::string::npos) << load(good, {}).resolved();
+  EXPECT_NE(load(good, {"clock=lockstep"}).resolved().find("delay_ms = 0.0"), std::string::npos);
   EXPECT_NE(fault(good, {"clock=lockstep", "truth.delay_ms=auto"}).find("truth.delay_ms: needs clock = \"realtime\""),
             std::string::npos);
 }

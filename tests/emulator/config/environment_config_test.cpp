@@ -40,7 +40,7 @@ class EnvironmentConfig : public testing::Test {
   // Returns the model that the resolved configuration gives.
   ImuModel reloaded(const std::vector<std::string>& assignments) const {
     const std::string path = folder_ / "resolved.toml";
-    std::ofstream(path) << config(assignments).resolved;
+    std::ofstream(path) << config(assignments).resolved();
     return load_config(path).imus.at(0).model;
   }
 

@@ -37,7 +37,7 @@ class FilterConfig : public testing::Test {
   }
   // Reads what a configuration is resolved to.
   ImuModel again(const Config& config) const {
-    std::ofstream(folder_ / "again.toml") << config.resolved;
+    std::ofstream(folder_ / "again.toml") << config.resolved();
     return load_config(folder_ / "again.toml", {}).imus.at(0).model;
   }
 

@@ -198,7 +198,7 @@ TEST_F(PresetsTest, ResolveToTheSameErrors) {
   for (const Preset& preset : presets()) {
     const Config first = config("native", {"rate_hz=200", "model=\"" + std::string(preset.name) + "\""});
     const std::string resolved = folder_ / "resolved.toml";
-    std::ofstream(resolved) << first.resolved;
+    std::ofstream(resolved) << first.resolved();
     const ImuModel a = first.imus.at(0).model, b = load_config(resolved).imus.at(0).model;
     for (const auto& [one, other] : {std::pair(a.gyro, b.gyro), std::pair(a.accelerometer, b.accelerometer)}) {
       EXPECT_EQ(one.max, other.max) << preset.name;

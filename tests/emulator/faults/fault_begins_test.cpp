@@ -110,7 +110,7 @@ TEST_F(FaultBeginsTest, AreExplained) {
   const Config config = read(fault("at_time = 2026-01-01T13:00:00.005+01:00\n"));
   EXPECT_EQ(config.faults[0].text(),
             "imu1 gyro: the value is 0, from 0 s after 2026-01-01T13:00:00.005+01:00, for 3 samples");
-  EXPECT_EQ(load_config(write("again.toml", config.resolved)).resolved, config.resolved);
+  EXPECT_EQ(load_config(write("again.toml", config.resolved())).resolved(), config.resolved());
 }
 
 TEST_F(FaultBeginsTest, NeedTheHost) {

@@ -115,7 +115,7 @@ TEST_F(OtherUnitsTest, WhatIsWrongIsExplained) {
   const Config config =
       load_config(write("good.toml", config_text(other_settings("cr_lf = true"), "stim300", 1, "")));
   EXPECT_TRUE(contains(config.faults[0].text(), "({ cr_lf = true }), from 2 s, for 1 s")) << config.faults[0].text();
-  EXPECT_EQ(load_config(write("again.toml", config.resolved)).resolved, config.resolved);
+  EXPECT_EQ(load_config(write("again.toml", config.resolved())).resolved(), config.resolved());
 }
 
 }  // namespace

@@ -37,9 +37,9 @@ TEST_F(TruthColumns, ATableIsAListOfPairs) {
   EXPECT_EQ(own.truth.settings.list("columns"), pairs);
   EXPECT_EQ(own.truth.settings.text("level"), "enu");
   EXPECT_EQ(own.truth.settings.text("body"), "flu");
-  const Config again = load_config(write("again.toml", own.resolved));
+  const Config again = load_config(write("again.toml", own.resolved()));
   EXPECT_EQ(again.truth.settings.list("columns"), pairs);
-  EXPECT_EQ(again.resolved, own.resolved);
+  EXPECT_EQ(again.resolved(), own.resolved());
   const std::vector<std::string> numbers = {"pitch_deg=2", "roll_deg=3", "time_s=0", "yaw_deg=1"};
   EXPECT_EQ(load("columns = {time_s = 0, yaw_deg = 1, pitch_deg = 2, roll_deg = 3}").truth.settings.list("columns"),
             numbers);
