@@ -27,8 +27,7 @@ std::unique_ptr<Port> open(const PortSpec& spec, const PortSettings& settings) {
     throw spec.error("the name is too long for an interface; right would be a name such as can0");
   const std::string mtu = spec.one_of(mtu_option);
   auto port = std::make_unique<CanPort>(
-      spec, settings.delivery, std::make_unique<CanSocket>(spec.address, spec.one_of(confirm_option) == "yes"),
-      mtu != "16");
+      spec, settings, std::make_unique<CanSocket>(spec.address, spec.one_of(confirm_option) == "yes"), mtu != "16");
   if (::if_nametoindex(spec.address.c_str()) == 0) {
     if (spec.one_of(wait_option) != "yes")
       throw spec.error("there is no such interface; 'ip link' lists the interfaces, and wait=yes waits for it");

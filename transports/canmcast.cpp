@@ -193,7 +193,7 @@ void check(const PortSpec& spec, const PortSettings&) {
 
 std::unique_ptr<Port> open(const PortSpec& spec, const PortSettings& settings) {
   const std::string interface = spec.text(interface_option.key).value_or("");
-  auto port = std::make_unique<CanPort>(spec, settings.delivery,
+  auto port = std::make_unique<CanPort>(spec, settings,
                                         std::make_unique<MulticastLink>(spec.address[0] - '0', interface), true);
   if (!interface.empty() && ::if_nametoindex(interface.c_str()) == 0)
     throw spec.error(fmt::format("interface={}: there is no such network interface", interface));

@@ -40,6 +40,9 @@ struct PortSettings {
   // Emulated UART only: characters arrive when the line would have carried them, not at once.
   bool paced = false;
   Delivery delivery = Delivery::timely;  // of a queue for a CAN interface, or of a file's buffer
+  // A virtual CAN interface only: the thread that opens the port takes the lowest priority, so that receivers on the
+  // same processor run first.
+  bool yields = false;
   // A listener of UDP only: receives the datagrams of this sender alone, and counts others as foreign.
   std::optional<Endpoint> from;
   // A regular file is written beside the old one, which it replaces at commit(). False: the old one is emptied at

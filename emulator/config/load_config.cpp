@@ -300,6 +300,7 @@ Config read_config(ConfigText text, const std::string& path, const std::string& 
       read.model.r_SB_B -= config.truth.r_RB_B;            // core's B has its origin at R
       const auto set_delivery = [&](PortSettings& port) {
         if (config.clock != ClockMode::realtime) port.delivery = Delivery::complete;
+        port.yields = config.clock == ClockMode::fast;
         port.replaces_file = !capture.empty();
       };
       set_delivery(read.port_settings);

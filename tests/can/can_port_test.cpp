@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 #include <linux/can/error.h>
 #include <poll.h>
+#include <sys/resource.h>
 
 #include <chrono>
 #include <iterator>
@@ -14,6 +15,23 @@
 
 namespace imud {
 namespace {
+
+// In lockstep, too, frames are complete, but a simulator waits for imud.
+TEST_F(Can, OnlyAPortThatYieldsLowersThePriority) {
+  for (const bool yields : {false, true}) {
+    int before = 0, after = 0;
+    std::thread([&] {
+      before = ::getpriority(PRIO_PROCESS, 0);
+      PortSettings settings = Role::device;
+      settings.delivery = Delivery::complete;
+      settings.yields = yields;
+      const auto port = open_port("can:vcan0", settings);
+      after = ::getpriority(PRIO_PROCESS, 0);
+    }).join();
+    ASSERT_LT(before, 19);
+    EXPECT_EQ(after, yields ? 19 : before);
+  }
+}
 
 TEST_F(Can, EveryKindOfFrameInOneSample) {
   const Node node("vcan0");

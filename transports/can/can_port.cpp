@@ -37,13 +37,14 @@ void yield_to_receivers() noexcept {
 
 }  // namespace
 
-CanPort::CanPort(const PortSpec& spec, Delivery delivery, std::unique_ptr<CanLink> link, bool allows_fd)
+CanPort::CanPort(const PortSpec& spec, const PortSettings& settings, std::unique_ptr<CanLink> link, bool allows_fd)
     : allows_fd_(allows_fd),
       bus_(spec),
-      delivery_(delivery),
-      virtual_frames_per_s_(delivery == Delivery::complete ? max_frames_per_s(spec) : std::nullopt),
+      delivery_(settings.delivery),
+      yields_(settings.yields),
+      virtual_frames_per_s_(delivery_ == Delivery::complete ? max_frames_per_s(spec) : std::nullopt),
       link_(std::move(link)),
-      queue_(max_age(spec, delivery)) {}
+      queue_(max_age(spec, delivery_)) {}
 
 void CanPort::send(std::span<const Frame> frames) noexcept {
   if (queue_.room() < frames.size()) flush();
@@ -105,7 +106,7 @@ int CanPort::bind() noexcept {
   update_mtu();
   is_virtual_ = link_->is_virtual();
   max_frames_per_s_ = is_virtual_ ? virtual_frames_per_s_ : std::nullopt;
-  if (is_virtual_ && delivery_ == Delivery::complete) yield_to_receivers();
+  if (is_virtual_ && yields_) yield_to_receivers();
   if (const int down = link_->pending_error(); down != 0)
     lose(down);
   else

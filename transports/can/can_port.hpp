@@ -30,7 +30,7 @@ class CanPort final : public Port {
  public:
   // Binds nothing yet. Without `allows_fd`, no FD frame is sent. Uses the spec's options
   // above and in can_bus.hpp.
-  CanPort(const PortSpec& spec, Delivery delivery, std::unique_ptr<CanLink> link, bool allows_fd);
+  CanPort(const PortSpec& spec, const PortSettings& settings, std::unique_ptr<CanLink> link, bool allows_fd);
 
   // Returns 0 or an errno.
   int bind() noexcept;
@@ -80,6 +80,7 @@ class CanPort final : public Port {
   const bool allows_fd_;
   const CanBus bus_;
   const Delivery delivery_;
+  const bool yields_;
   const std::optional<double> virtual_frames_per_s_;  // to an interface without bit timing
   std::optional<double> max_frames_per_s_;            // nullopt: not paced
   const std::unique_ptr<CanLink> link_;

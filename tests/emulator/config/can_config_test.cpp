@@ -79,9 +79,13 @@ BA_ "GenMsgCycleTime" BO_ 512 8;
 TEST_F(CanConfig, OnlyRealtimeMayDropFramesThatAreLate) {
   const std::string other = "imu.1.device.can_id=0x200";
   EXPECT_EQ(load({other}).imus[0].port_settings.delivery, Delivery::timely);
+  EXPECT_FALSE(load({other}).imus[0].port_settings.yields);
   for (const Config& config :
        {load({other, "clock=lockstep"}), load({other, "clock=fast", "truth.port=pcap:t.pcap"})})
-    for (const ImuConfig& imu : config.imus) EXPECT_EQ(imu.port_settings.delivery, Delivery::complete);
+    for (const ImuConfig& imu : config.imus) {
+      EXPECT_EQ(imu.port_settings.delivery, Delivery::complete);
+      EXPECT_EQ(imu.port_settings.yields, config.clock == ClockMode::fast);
+    }
 }
 
 TEST_F(CanConfig, LoadIsOfEveryMessageThatIsListed) {
