@@ -2,8 +2,20 @@
 
 #include <cmath>
 #include <cstddef>
+#include <numbers>
 
 namespace imud {
+namespace {
+constexpr double flicker = 2 * std::numbers::ln2 / std::numbers::pi;  // Allan variance of B = 1
+}  // namespace
+
+double AllanTerms::minimum() const { return std::sqrt(2 * N * K / std::numbers::sqrt3 + flicker * B * B); }
+
+std::optional<double> bias_instability_of(double minimum, double N, double K) {
+  const double least = AllanTerms{.N = N, .K = K}.minimum();
+  if (minimum < least) return std::nullopt;
+  return std::sqrt((minimum - least) * (minimum + least) / flicker);
+}
 
 std::array<AllanTerms, 3> allan_terms(const TriadErrors& errors, double rate_hz) {
   const Vector3 step = errors.walk_sqrt_cov.rowwise().norm();

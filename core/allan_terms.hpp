@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <optional>
 
 #include "core/effects/triad_errors.hpp"
 
@@ -17,7 +18,14 @@ struct AllanTerms {
   double K = 0;  // u/sqrt(s): random walk of the rate or specific force
   double Q = 0;  // u s: quantization of the angle or velocity; a converter has LSB/sqrt(12)
   double R = 0;  // u/s: ramp
+
+  // Returns the minimum of the curve of N, B and K, u, which it has at tau = sqrt(3) N/K; without K, its limit for
+  // long averaging times. Its square is 2 N K/sqrt(3) + (2 ln2/pi) B^2.
+  double minimum() const;
 };
+
+// Returns the B with which the curve of N, B and K has this minimum, u. nullopt if N and K alone have a larger one.
+std::optional<double> bias_instability_of(double minimum, double N, double K);
 
 // Returns the terms of each axis at this sample rate, Hz. The Gauss-Markov process per sample counts in N if it
 // is white noise, and in K if it is a random walk without bound. Otherwise it does not count, nor does

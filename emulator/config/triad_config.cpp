@@ -2,12 +2,14 @@
 // the keys name.
 #include <Eigen/Eigenvalues>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <initializer_list>
 #include <span>
 #include <string>
 #include <vector>
 
+#include "core/allan_terms.hpp"
 #include "core/units.hpp"
 #include "emulator/config/config_parts.hpp"
 #include "emulator/plan/keys.hpp"
@@ -167,8 +169,38 @@ void read_white_noise(TableReader& table, const SensorKeys& keys, Sidedness base
   if (one_sided && density != nullptr) e.white_density *= std::sqrt(0.5);
 }
 
+// Reads the minimum of the Allan deviation, and returns the B that it requires beside N and K.
+Vector3 read_bias_minimum(TableReader& table, const SensorKeys& keys, const Unit& unit, const TriadErrors& e,
+                          double rate_hz) {
+  const Vector3 minimum = in_units(table, "bias_minimum", keys.value, Vector3::Zero());
+  const std::array<AllanTerms, 3> terms = allan_terms(e, rate_hz);
+  Vector3 coefficient = Vector3::Zero();
+  double least = 0;
+  for (int i = 0; i < 3; ++i) {
+    const auto& [N, B, K, Q, R] = terms[static_cast<std::size_t>(i)];
+    if (const auto found = bias_instability_of(minimum[i], N, K))
+      coefficient[i] = *found;
+    else if (minimum[i] != 0)
+      least = std::max(least, AllanTerms{.N = N, .K = K}.minimum());
+  }
+  if (least > 0)
+    table.fault(
+        key_of("bias_minimum", unit.suffix),
+        fmt::format("white noise and random walk alone make a minimum of {:.4g}; give at least that, or 0 for "
+                    "no bias instability",
+                    least / unit.si));
+  return coefficient;
+}
+
+// After the terms of which the minimum depends.
 void read_bias_instability(TableReader& table, const SensorKeys& keys, TriadErrors& e, double rate_hz) {
-  e.bias_instability = in_units(table, "bias_instability", keys.value, e.bias_instability);
+  const Unit* coefficient = given_unit(table, "bias_instability", keys.value);
+  const Unit* minimum = given_unit(table, "bias_minimum", keys.value);
+  if (minimum != nullptr && coefficient != nullptr)
+    table.fault(key_of("bias_minimum", minimum->suffix),
+                fmt::format("give either this or {}, not both", key_of("bias_instability", coefficient->suffix)));
+  e.bias_instability = minimum != nullptr ? read_bias_minimum(table, keys, *minimum, e, rate_hz)
+                                          : in_units(table, "bias_instability", keys.value, e.bias_instability);
   // The first process of the cascade cannot be shorter than two samples.
   const double shortest_s = 2 / rate_hz * e.flicker_from_s / Flicker::first_correlation_time(e.flicker_from_s);
   constexpr double margin = 1 + 1e-9;
@@ -300,7 +332,6 @@ TriadErrors read_triad(TableReader& table, const SensorKeys& keys, const TriadEr
   e.turn_on_bias = in_units(table, "turn_on_bias", keys.value, e.turn_on_bias);
   e.ramp = in_units(table, keys.ramp, keys.ramp_units, e.ramp, -huge);
   read_white_noise(table, keys, density, e);
-  read_bias_instability(table, keys, e, rate_hz);
   e.correlated_sigma = in_units(table, "correlated_noise", keys.value, e.correlated_sigma);
   e.correlation_time = table.per_axis("correlation_time_s", e.correlation_time, 1e-6, huge);
   e.random_walk_density = in_units(table, keys.walk, keys.walk_units, e.random_walk_density);
@@ -318,6 +349,7 @@ TriadErrors read_triad(TableReader& table, const SensorKeys& keys, const TriadEr
   e.walk_bound = table.vector3("walk_bound", e.walk_bound);
   if ((e.walk_bound.array() < 0.0).any()) table.fault("walk_bound", "give numbers of at least 0 (0: no bound)");
   check_growth(table, e);
+  read_bias_instability(table, keys, e, rate_hz);
   return e;
 }
 

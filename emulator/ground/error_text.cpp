@@ -3,25 +3,31 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <algorithm>
+#include <functional>
+#include <string_view>
+
 #include "core/units.hpp"
 
 namespace imud {
 
 std::string TriadTerms::text() const {
   std::vector<std::string> parts;
-  const auto add = [&](char letter, double AllanTerms::*term, const Unit& unit) {
-    const double x = axes[0].*term / unit.si, y = axes[1].*term / unit.si, z = axes[2].*term / unit.si;
+  const auto add = [&](std::string_view name, const Unit& unit, auto&& value) {
+    const double x = value(axes[0]) / unit.si, y = value(axes[1]) / unit.si, z = value(axes[2]) / unit.si;
     if (x == 0 && y == 0 && z == 0) return;
     if (x == y && x == z)
-      parts.push_back(fmt::format("{} {:.4g} {}", letter, x, unit.name));
+      parts.push_back(fmt::format("{} {:.4g} {}", name, x, unit.name));
     else
-      parts.push_back(fmt::format("{} [{:.4g}, {:.4g}, {:.4g}] {}", letter, x, y, z, unit.name));
+      parts.push_back(fmt::format("{} [{:.4g}, {:.4g}, {:.4g}] {}", name, x, y, z, unit.name));
   };
-  add('N', &AllanTerms::N, N);
-  add('B', &AllanTerms::B, B);
-  add('K', &AllanTerms::K, K);
-  add('Q', &AllanTerms::Q, Q);
-  add('R', &AllanTerms::R, R);
+  add("N", N, std::mem_fn(&AllanTerms::N));
+  add("B", B, std::mem_fn(&AllanTerms::B));
+  add("K", K, std::mem_fn(&AllanTerms::K));
+  add("Q", Q, std::mem_fn(&AllanTerms::Q));
+  add("R", R, std::mem_fn(&AllanTerms::R));
+  if (std::ranges::any_of(axes, [](const AllanTerms& axis) { return axis.B > 0; }))
+    add("minimum", B, std::mem_fn(&AllanTerms::minimum));
   return fmt::format("{}", fmt::join(parts, ", "));
 }
 

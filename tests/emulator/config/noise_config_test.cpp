@@ -1,8 +1,12 @@
 // The keys of the error terms: each unit of a data sheet, impossible values, and what `imud check` says of them.
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <array>
+#include <cmath>
 #include <fstream>
 #include <functional>
+#include <numbers>
 #include <string>
 #include <vector>
 
@@ -115,6 +119,44 @@ TEST_F(NoiseConfig, AOneSidedDensityIsDividedByRootTwo) {
   EXPECT_NEAR(one / (0.339411254969543 * 2.90888208665722e-4), 1, 1e-12);
 }
 
+// With N = 0.15 deg/sqrt(h) and K = 0.3 deg/h/sqrt(h) the curve's minimum is at sqrt(3) N/K = 0.866 h; without
+// flicker it is sqrt(2 N K/sqrt(3)) = 0.22795 deg/h. B is by hand: sqrt((0.5^2 - 0.22795^2)/0.441271).
+TEST_F(NoiseConfig, TheMinimumOfTheAllanDeviationIsSetByFlicker) {
+  const std::vector<std::string> keys = {"gyro.angle_random_walk_deg_per_rt_hr=0.15",
+                                         "gyro.rate_random_walk_deg_per_hr_per_rt_hr=0.3"};
+  const auto with = [&](const std::string& minimum) {
+    std::vector<std::string> all = keys;
+    all.push_back(minimum);
+    return all;
+  };
+  const ImuModel m = model(with("gyro.bias_minimum_deg_per_hr=[0.5,0,0.25]"));
+  constexpr double deg_per_hr = 4.84813681109536e-6;
+  EXPECT_NEAR(m.gyro.bias_instability[0] / deg_per_hr, 0.669919, 1e-5);
+  EXPECT_EQ(m.gyro.bias_instability[1], 0);
+  const std::array<AllanTerms, 3> terms = allan_terms(m.gyro, 200);
+  EXPECT_NEAR(terms[0].minimum() / deg_per_hr, 0.5, 1e-12);
+  EXPECT_NEAR(terms[2].minimum() / deg_per_hr, 0.25, 1e-12);
+  // The lowest point of the curve itself.
+  double lowest = 1e9;
+  for (double tau = 1; tau < 1e5; tau *= 1.001) {
+    const auto& [N, B, K, Q, R] = terms[0];
+    lowest = std::min(lowest, N * N / tau + 2 * std::numbers::ln2 / std::numbers::pi * B * B + K * K * tau / 3);
+  }
+  EXPECT_NEAR(std::sqrt(lowest) / deg_per_hr, 0.5, 1e-6);
+  // Without N and K it is flicker's alone.
+  EXPECT_NEAR(model({"accelerometer.bias_minimum_mg=0.05"}).accelerometer.bias_instability[1] / 9.80665e-3,
+              0.05 / 0.664282, 1e-6);
+  EXPECT_NE(fault(with("gyro.bias_minimum_deg_per_hr=0.2"))
+                .find("imu.0.gyro.bias_minimum_deg_per_hr: white noise and random walk alone make a minimum of "
+                      "0.228; give at least that, or 0"),
+            std::string::npos)
+      << fault(with("gyro.bias_minimum_deg_per_hr=0.2"));
+  const std::string both = fault({"gyro.bias_minimum_deg_per_hr=1", "gyro.bias_instability_deg_per_hr=1"});
+  EXPECT_NE(both.find("bias_minimum_deg_per_hr: give either this or bias_instability_deg_per_hr, not both"),
+            std::string::npos)
+      << both;
+}
+
 TEST_F(NoiseConfig, ResponseKeysAreOfTheRange) {
   const ImuModel m =
       model({"gyro.quadratic_ppm_of_range=100", "gyro.cubic_ppm_of_range=-50",
@@ -143,6 +185,9 @@ TEST_F(NoiseConfig, ImpossibleValuesAreFaultsAtTheirKeys) {
   const std::vector<std::pair<std::vector<std::string>, std::string>> cases = {
       {{"gyro.angle_random_walk_deg_per_rt_hr=-1"}, "imu.0.gyro.angle_random_walk_deg_per_rt_hr: give three numbers"},
       {{"gyro.bias_instability_deg_per_hr=[1,-1,1]"}, "imu.0.gyro.bias_instability_deg_per_hr: give three numbers"},
+      {{"gyro.bias_minimum_deg_per_hr=-1"}, "imu.0.gyro.bias_minimum_deg_per_hr: give three numbers"},
+      {{"gyro.bias_minimum_deg_per_hr=1", "gyro.bias_minimum_rad_per_s=1"},
+       "give either this or bias_minimum_rad_per_s, not both"},
       {{"gyro.bias_instability_deg_per_hr=nan"}, "imu.0.gyro.bias_instability_deg_per_hr: give three numbers"},
       {{"gyro.correlation_time_s=0"}, "imu.0.gyro.correlation_time_s: give three numbers"},
       {{"gyro.misalignment=[[1,0.5,0],[0,1,0],[0,0,1]]"}, "imu.0.gyro.misalignment: an element differs"},
@@ -170,8 +215,10 @@ TEST_F(NoiseConfig, TermsAreToldInUnitsOfDataSheets) {
              "accelerometer.lsb_delta_velocity_m_per_s=0.003"});
   const std::vector<TriadTerms> terms = triad_terms(m);
   ASSERT_EQ(terms.size(), 2U);
-  EXPECT_EQ(terms[0].text(), "N 0.15 deg/sqrt(h), B [0.5, 0.5, 1] deg/h, K 0.02 deg/h/sqrt(h), R 3 deg/h/h");
-  EXPECT_EQ(terms[1].text(), "N 0.06 m/s/sqrt(h), B 0.05 mg, Q 0.000866 m/s");
+  EXPECT_EQ(terms[0].text(),
+            "N 0.15 deg/sqrt(h), B [0.5, 0.5, 1] deg/h, K 0.02 deg/h/sqrt(h), R 3 deg/h/h, "
+            "minimum [0.3373, 0.3373, 0.6669] deg/h");
+  EXPECT_EQ(terms[1].text(), "N 0.06 m/s/sqrt(h), B 0.05 mg, Q 0.000866 m/s, minimum 0.03321 mg");
   EXPECT_EQ(triad_terms(model({}))[0].text(), "");
   EXPECT_EQ(terms[0].bias_text(), "");
 }
