@@ -87,7 +87,7 @@ struct TriadErrors {
   std::optional<AxisLimits> limits;  // unless these are given, which differ between axes or directions
 
   // IncrementRounding
-  double increment_lsb = 0.0;  // u s, not negative; 0: no rounding
+  double increment_lsb = 0.0;  // u s, not negative; 0: no rounding. Above 0, ValueRounding leaves the increments
 
   // Returns the limits of the axes.
   AxisLimits range() const { return limits.value_or(AxisLimits{Vector3::Constant(-max), Vector3::Constant(max)}); }

@@ -33,19 +33,23 @@ constexpr double least_rounded_up(Rounding rounding) noexcept {
 
 // The digits of the value (memo Eq. 19), and their change of the increment:
 //   m' = m + carried,  m <- lsb round(m'/lsb),  increment <- increment - dt (m' - m - carried)
-// With `carry`, the remainder m' - m is added to the next sample.
+// With `carry`, the remainder m' - m is added to the next sample. Increments that have an LSB of their own
+// (IncrementRounding) come from before the rounding of the values, and keep their digits.
 class ValueRounding {
  public:
   static constexpr std::string_view name = "rounding";
   ValueRounding(const TriadErrors& errors, Quantity, double)
-      : lsb_(errors.lsb), least_(least_rounded_up(errors.rounding)), carry_(errors.carry) {}
+      : lsb_(errors.lsb),
+        least_(least_rounded_up(errors.rounding)),
+        carry_(errors.carry),
+        share_(errors.increment_lsb > 0.0 ? 0.0 : 1.0) {}
   bool is_on() const noexcept { return lsb_ > 0.0; }
   void apply(TriadStep& step) noexcept {
     const Lanes carried = carry_ ? lanes(remainder_) : all_lanes(0.0);
     const Lanes m = lanes(step.value) + carried;
     const Lanes rounded = with_sign_of(m, lsb_ * round_magnitude(magnitude(m / lsb_), least_));
     const Lanes remainder = m - rounded;
-    step.increment = vector_of(lanes(step.increment) - step.dt * (remainder - carried));
+    step.increment = vector_of(lanes(step.increment) - share_ * step.dt * (remainder - carried));
     remainder_ = vector_of(remainder);
     step.value = vector_of(rounded);
   }
@@ -59,6 +63,7 @@ class ValueRounding {
   double lsb_;
   double least_;
   bool carry_;
+  double share_;  // of the change that the increment has
   Vector3 remainder_ = Vector3::Zero();
 };
 
