@@ -25,7 +25,8 @@ constexpr Commands commands[] = {
     {three_dm, series_7, {0x31, 0x32, 0x33}},
     {three_dm, all, {0x37, 0x38, 0x39, 0x40}},
     {three_dm, series_7, {0x42}},
-    {three_dm, gx5, {0x64}},
+    {three_dm, gx5, {0x50, 0x64}},
+    {three_dm, series_7, {0x54}},
     {filter_command, gx5, {0x11}},
 };
 
@@ -166,6 +167,10 @@ Memory::Code Memory::execute_3dm(std::uint8_t command, Reader& reader, const Con
       return capture_end_ ? failed : bad_parameter;
     case 0x42:
       return pin_state(reader, answer);
+    case 0x50:
+      return low_pass(reader, answer, false);
+    case 0x54:
+      return low_pass(reader, answer, true);
     case 0x64:
       return device_status(reader, context);
     case 0x40: {

@@ -71,6 +71,16 @@ class MipDevice final : public Device {
   void set_figures(const OwnFigures& figures) noexcept override { fields_.set_figures(figures); }
   UartSettings uart() const noexcept override { return {memory_.active().baud}; }
 
+  // A single pole; all fields of a quantity, of the filter data too, come from behind its low-pass filter.
+  std::optional<SensorFilters> filters() const noexcept override {
+    const Configuration& active = memory_.active();
+    const auto filter = [&](LowPassed quantity) {
+      return SensorFilter{.cut_off_hz = Vector3::Constant(active.cut_off_hz(active.low_passes[quantity])),
+                          .order = 1};
+    };
+    return SensorFilters{filter(of_gyros), filter(of_accelerometers), filter(of_magnetometers)};
+  }
+
   void trigger(DeviceTime time) noexcept override { pins_.trigger(time); }
   void pps(DeviceTime time) noexcept override { pins_.pps(time); }
   std::optional<Pulse> pulse() const noexcept override { return pins_.pulse(); }

@@ -1,6 +1,7 @@
-// MicroStrain MIP: the declarations shared by the device (device.cpp), its packets and models (mip.cpp), its data
-// fields (field_table.hpp, fields.cpp, navigation_fields.cpp), its commands (commands.cpp), its streams
-// (streams.cpp), its settings (settings.cpp), its pins (pins.hpp, pins.cpp) and the decoder (decoder.cpp).
+// MicroStrain MIP: the declarations shared by the device (device.cpp), its models (model.hpp), its packets (mip.cpp),
+// its data fields (field_table.hpp, fields.cpp, navigation_fields.cpp), its commands (commands.cpp), its streams
+// (streams.cpp), its settings (settings.cpp), its low-pass filters (low_pass.hpp, low_pass.cpp), its pins (pins.hpp,
+// pins.cpp) and the decoder (decoder.cpp).
 // Source: MicroStrain's mip_sdk (github.com/LORD-MicroStrain/mip_sdk e5a847d, src/c/mip/definitions).
 //
 // A packet is big-endian: 0x75 0x65, descriptor set, length of the fields, fields, two bytes of checksum (Fletcher,
@@ -17,6 +18,8 @@
 #include <utility>
 
 #include "core/sample.hpp"
+#include "protocols/mip/low_pass.hpp"
+#include "protocols/mip/model.hpp"
 #include "protocols/protocol.hpp"
 #include "protocols/wire/frame_writer.hpp"
 
@@ -26,10 +29,8 @@ inline constexpr std::uint8_t sync[2] = {0x75, 0x65};
 inline constexpr std::size_t header_size = 4, checksum_size = 2, longest = header_size + 255 + checksum_size;
 inline constexpr std::int64_t second_ns = 1'000'000'000;
 inline constexpr double internal_hz = 1000;  // the internal sample rate
-// Descriptor sets of commands and of data.
+// Descriptor sets of commands.
 enum Set : std::uint8_t { base = 0x01, three_dm = 0x0C, filter_command = 0x0D, aiding = 0x13 };
-// gnss: the only receiver of a 5-series device; gnss_1, gnss_2: receivers of a 7-series device.
-enum DataSet : std::uint8_t { sensor = 0x80, gnss, filter, gnss_1 = 0x91, gnss_2, system = 0xA0 };
 inline constexpr std::uint8_t reply = 0xF1;
 
 // --- Packets ---
@@ -75,28 +76,6 @@ class Packet : public FrameWriter<boost::endian::order::big> {
  private:
   std::size_t field_ = 0;
 };
-
-// --- Models ---
-
-// Sets of models.
-inline constexpr unsigned gx5_25 = 1, cv7_ahrs = 2, gx5_45 = 4, cv7_ins = 8, gq7 = 16;
-inline constexpr unsigned gx5 = gx5_25 | gx5_45, cv7 = cv7_ahrs | cv7_ins, series_7 = cv7 | gq7;
-inline constexpr unsigned with_receiver = gx5_45 | gq7, ins = with_receiver | cv7_ins, all = gx5 | series_7;
-
-struct Model {
-  unsigned bit = 0;
-  std::string_view keyword = {}, name = {}, number = {}, serial = {}, options = {};
-  std::array<std::uint8_t, 2> receivers = {};      // their descriptor sets; 0: none
-  std::uint16_t filter_hz = 0, gnss_hz = 0;        // Hz, base rates; 0: no receiver
-  std::uint16_t filter_stream_hz = 10;             // Hz, of the stream as delivered
-  double gyro_max = 0, accelerometer_max_g = 8;    // rad/s
-  std::string_view preset = {};                    // its default model
-  double gyro_noise = 0, accelerometer_noise = 0;  // rad/s/sqrt(Hz), m/s^2/sqrt(Hz)
-  std::span<const std::string_view> sensor_fields = {}, filter_fields = {}, gnss_fields = {};  // as delivered
-
-  bool is(unsigned set) const noexcept { return (bit & set) != 0; }
-};
-extern const std::array<Model, 5> models;
 
 // --- Data ---
 
@@ -266,10 +245,14 @@ struct Configuration {
   std::uint32_t baud = 115200;
   Vector3 gyro_bias = Vector3::Zero(), accelerometer_bias = Vector3::Zero();  // rad/s, m/s^2; subtracted in P
   Quaternion q_PV = Quaternion::Identity();                                   // v_P = q_PV * v_V, V: the vehicle
+  LowPasses low_passes = as_delivered;
   std::array<Kept, 65> kept;  // the slots of all kept settings, one after another
 
   const Stream* find(std::uint8_t set) const noexcept;  // nullptr if there is none
   Stream* find(std::uint8_t set) noexcept { return const_cast<Stream*>(std::as_const(*this).find(set)); }
+  // Returns the cut-off of a quantity's low-pass filter, Hz: in automatic mode half of the rate at which the quantity
+  // is sent. 0: it is not filtered, nor is one whose automatic filter has no rate to follow.
+  double cut_off_hz(const LowPass& low_pass) const noexcept;
   // Returns nullptr if the model has no such setting, or none of that key.
   const Kept* find_kept(const Model& model, std::uint8_t set, std::uint8_t command, unsigned key = 0) const noexcept;
 };
@@ -355,6 +338,8 @@ class Memory {
   Code vector(Vector3 Configuration::*vector, double unit, std::uint8_t descriptor, Reader& reader,
               Packet& answer) noexcept;
   Code rotation(std::uint8_t set, std::uint8_t command, Reader& reader, Packet& answer) noexcept;
+  // A device of the 7 series gives the descriptor set as well.
+  Code low_pass(Reader& reader, Packet& answer, bool with_set) noexcept;
   bool is_streaming(const Stream& stream) const noexcept { return !is_idle_ && stream.enabled; }
   bool begins_capture(Data data, DeviceTime now) noexcept;
   void end_capture(FrameBuffer& out) noexcept;

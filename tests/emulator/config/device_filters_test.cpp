@@ -174,6 +174,36 @@ TEST(DeviceFilters, OfAVectorNavAreTheWindowsOfRegister85) {
   compare(1, 5);
 }
 
+// As delivered a single pole at half of the rate at which the quantity is sent; a host may choose another, or none. A
+// response is seen at the rate of the stream: the decoder's samples are those of the packets.
+TEST(DeviceFilters, OfAMipUnitHaveASinglePole) {
+  TurningUnit unit(
+      "mip", {"device_filters=true", "device.model=3dm-cv7-ahrs", "device.sensor_rate_hz=500",
+              "device.sensor_fields=[\"rate\",\"acceleration\"]", "device.filter_fields=[]", "device.baud=921600"});
+  const auto compare = [&](double gyro_hz, double force_hz) {
+    for (const int hz : {1, 20, 100, 200}) {
+      const auto sine = [&](double t) { return std::sin(2 * M_PI * hz * t); };
+      const std::vector<Measurement> all = unit.run(sine, 2000);
+      ASSERT_EQ(all.size(), 1000U);
+      std::array<Complex, 2> seen = {};
+      for (std::size_t k = 500; k < 1000; ++k) {
+        const Complex turn = Complex(0, 2.0 / 500) * std::polar(1.0, -2 * M_PI * hz * static_cast<double>(k) / 500);
+        seen[0] += turn * all[k].sample.rate.x();
+        seen[1] += turn * all[k].sample.specific_force.y();
+      }
+      for (const auto& [value, cut_off] : {std::pair{seen[0], gyro_hz}, {seen[1], force_hz}}) {
+        const SensorFilter filter = {.cut_off_hz = Vector3::Constant(cut_off), .order = 1};
+        EXPECT_LT(std::abs(value - frequency_response(filter, 0, 1000, hz)), 2e-6) << cut_off << " " << hz;
+      }
+    }
+  };
+  compare(250, 250);
+  // 0C:54: the gyros' at 20 Hz, the accelerometers' off.
+  unit.command(std::string("\x75\x65\x0C\x0B\x0B\x54\x01\x80\x05\x01\x01\x41\xA0\x00\x00\xB9\x5D", 17));
+  unit.command(std::string("\x75\x65\x0C\x0B\x0B\x54\x01\x80\x04\x00\x00\x00\x00\x00\x00\xD5\x67", 17));
+  compare(20, 0);
+}
+
 TEST(DeviceFilters, AreOffWithoutTheKey) {
   TurningUnit unit = stim300(false);
   EXPECT_FALSE(unit.model().gyro.filter.is_on());

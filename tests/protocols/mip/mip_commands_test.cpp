@@ -1,7 +1,12 @@
 // Which MIP commands are executed, and which are refused (mip_sdk e5a847d, commands_3dm.h).
 #include <gtest/gtest.h>
 
+#include <array>
+#include <cstdint>
 #include <stdexcept>
+#include <string>
+#include <utility>
+#include <vector>
 
 #include "protocols/mip/mip.hpp"
 #include "tests/protocols/mip/mip_unit.hpp"
@@ -186,6 +191,63 @@ TEST(MipCommands, AllStreamsAreSwitchedAtOnce) {
     EXPECT_EQ(field(unit.send(command(0x0C, 0x11, {2, set})).at(0), 0x85), (Bytes{set, enabled}));
   EXPECT_EQ(unit.code(command(0x0C, 0x11, {5, 0})), 0) << "as delivered";
   EXPECT_EQ(field(unit.send(command(0x0C, 0x11, {2, 0x82})).at(0), 0x85), (Bytes{0x82, 1}));
+}
+
+// 0C:54 of the 7 series: function, set, descriptor, enable, manual, frequency as a float.
+TEST(MipCommands, LowPassFiltersOfThe7Series) {
+  Unit unit(
+      {{"sensor_rate_hz", std::int64_t{100}}, {"sensor_fields", std::vector<std::string>{"rate", "acceleration"}}});
+  const auto cut_offs = [&] {
+    const SensorFilters filters = unit.device->filters().value();
+    EXPECT_EQ(filters.gyro.order, 1);
+    return std::array{filters.gyro.cut_off_hz[2], filters.accelerometer.cut_off_hz[0]};
+  };
+  const auto set = [](Bytes data) { return command(0x0C, 0x54, std::move(data)); };
+  EXPECT_EQ(cut_offs(), (std::array{50.0, 50.0})) << "as delivered, half of the rate";
+  EXPECT_EQ(field(unit.send(set({2, 0x80, 0x05})).at(0), 0xD4), (Bytes{0x80, 0x05, 1, 0, 0x42, 0x48, 0, 0}));
+  // 20 Hz, manual, then saved.
+  EXPECT_EQ(unit.code(set({1, 0x80, 0x05, 1, 1, 0x41, 0xA0, 0, 0})), 0);
+  EXPECT_EQ(cut_offs(), (std::array{20.0, 50.0}));
+  EXPECT_EQ(field(unit.send(set({2, 0x80, 0x05})).at(0), 0xD4), (Bytes{0x80, 0x05, 1, 1, 0x41, 0xA0, 0, 0}));
+  EXPECT_EQ(unit.code(set({3, 0x80, 0x05})), 0);
+  // The automatic one follows the message format: rate and acceleration at 250 Hz. The manual one does not.
+  EXPECT_EQ(unit.code(command(0x0C, 0x0F, {1, 0x80, 2, 0x05, 0, 4, 0x04, 0, 4})), 0);
+  EXPECT_EQ(cut_offs(), (std::array{20.0, 125.0}));
+  // At 1 kHz half of the rate is half of the sensor's own: nothing is left to filter. Nor is there a rate without a
+  // stream.
+  EXPECT_EQ(unit.code(command(0x0C, 0x0F, {1, 0x80, 1, 0x04, 0, 1})), 0);
+  EXPECT_EQ(cut_offs(), (std::array{20.0, 0.0}));
+  EXPECT_EQ(unit.code(command(0x0C, 0x0F, {1, 0x80, 1, 0x07, 0, 10})), 0);
+  EXPECT_EQ(cut_offs(), (std::array{20.0, 0.0}));
+  EXPECT_EQ(unit.code(set({1, 0, 0, 0, 0, 0, 0, 0, 0})), 0) << "all of them off";
+  EXPECT_EQ(cut_offs(), (std::array{0.0, 0.0}));
+  EXPECT_EQ(unit.code(set({4, 0x80, 0})), 0) << "all as they were saved";
+  EXPECT_EQ(cut_offs(), (std::array{20.0, 0.0}));
+  EXPECT_EQ(unit.code(set({5, 0x80, 0x05})), 0) << "as delivered; the rate is not streamed";
+  EXPECT_EQ(cut_offs(), (std::array{0.0, 0.0}));
+  // A quantity without a filter, another set, every quantity of none, a function that is none, a flag that is none,
+  // no frequency, too short, too long.
+  for (const Bytes& wrong : {Bytes{2, 0x80, 0x07}, Bytes{2, 0x82, 0x05}, Bytes{2, 0x80, 0}, Bytes{9, 0x80, 0x05},
+                             Bytes{1, 0x80, 0x05, 2, 0, 0, 0, 0, 0}, Bytes{1, 0x80, 0x05, 1, 1, 0, 0, 0, 0},
+                             Bytes{1, 0x80, 0x05, 1, 1, 0x7F, 0xC0, 0, 0}, Bytes{1, 0x80, 0x05, 1, 1, 0x41, 0xA0},
+                             Bytes{1, 0x80, 0x05, 1, 1, 0x41, 0xA0, 0, 0, 0}, Bytes{2, 0, 0x05}, Bytes{2}})
+    EXPECT_EQ(unit.code(set(wrong)), 3) << wrong.size();
+  EXPECT_EQ(unit.code(command(0x0C, 0x50, {2, 0x05})), 1) << "is of the 5 series";
+}
+
+// 0C:50 of a GX5: function, descriptor, enable, manual, frequency, reserved.
+TEST(MipCommands, LowPassFiltersOfAGx5) {
+  Unit unit({{"model", std::string("3dm-gx5-25")}, {"sensor_rate_hz", std::int64_t{100}}});
+  const auto set = [](Bytes data) { return command(0x0C, 0x50, std::move(data)); };
+  EXPECT_EQ(field(unit.send(set({2, 0x06})).at(0), 0x8B), (Bytes{0x06, 1, 0, 0, 50, 0}));
+  EXPECT_EQ(unit.code(set({1, 0x05, 1, 1, 0, 20, 0})), 0);
+  EXPECT_EQ(field(unit.send(set({2, 0x05})).at(0), 0x8B), (Bytes{0x05, 1, 1, 0, 20, 0}));
+  EXPECT_EQ(unit.device->filters().value().gyro.cut_off_hz[0], 20);
+  EXPECT_EQ(unit.device->filters().value().magnetometer.cut_off_hz[0], 50);
+  EXPECT_EQ(unit.code(set({1, 0, 1, 1, 0, 33, 0})), 0);
+  EXPECT_EQ(unit.device->filters().value().magnetometer.cut_off_hz[0], 33);
+  EXPECT_EQ(unit.code(set({1, 0x05, 1, 1, 0, 20})), 3);
+  EXPECT_EQ(unit.code(command(0x0C, 0x54, {2, 0x80, 0x05})), 1) << "is of the 7 series";
 }
 
 }  // namespace
