@@ -217,6 +217,15 @@ bool is_within(const PresetErrors& errors, double rate_hz) {
          0.5 * rate_hz;
 }
 
+// Takes the filters away, and leaves the noise and the digits of a sensor whose samples do not alias.
+void decimate(PresetErrors& errors, double rate_hz) {
+  const double share = std::min(1.0, rate_hz / errors.internal_rate_hz);
+  for (TriadErrors* triad : {&errors.gyro, &errors.accelerometer}) {
+    triad->filter = {};
+    if (errors.decimation == Decimation::mean) triad->lsb *= share;
+  }
+}
+
 // Reads the errors of all sensors. Keys that are absent have the values of the model.
 void read_errors(TableReader& table, const std::optional<Product>& product, ImuConfig& imu) {
   imu.model.rate_hz = imu.rate_hz;
@@ -236,6 +245,8 @@ void read_errors(TableReader& table, const std::optional<Product>& product, ImuC
   if (preset != nullptr) {
     try {
       PresetErrors errors = preset_errors(*preset, imu.rate_hz);
+      const bool is_decimated = filters || (!is_within(errors, imu.rate_hz) && !table.has("internal_rate_hz"));
+      if (is_decimated) decimate(errors, imu.rate_hz);
       if (product) {
         fit(errors.gyro, product->gyro, preset->name == own);
         fit(errors.accelerometer, product->accelerometer, preset->name == own);
@@ -244,10 +255,7 @@ void read_errors(TableReader& table, const std::optional<Product>& product, ImuC
       accelerometer = errors.accelerometer;
       gyro_density = errors.gyro_density;
       accelerometer_density = errors.accelerometer_density;
-      if (filters || (!is_within(errors, imu.rate_hz) && !table.has("internal_rate_hz")))
-        gyro->filter = accelerometer->filter = {};
-      else
-        internal_hz = errors.internal_rate_hz;
+      if (!is_decimated) internal_hz = errors.internal_rate_hz;
     } catch (const ConfigError& error) {
       table.fault("model", error.what());
     }

@@ -90,6 +90,8 @@ PresetErrors preset_errors(const Preset& preset, double rate_hz) {
   TableReader imu(file["imu"].as_table(), "imu.", 0, faults, resolved);
   PresetErrors errors;
   errors.internal_rate_hz = imu.real("internal_rate_hz", 0, 0, ImuConfig::max_internal_rate_hz);
+  errors.decimation = imu.choice<Decimation>(
+      "decimation", {{Decimation::sample, "sample"}, {Decimation::mean, "mean"}}, errors.decimation);
   const double internal_hz = std::max(rate_hz, errors.internal_rate_hz);
   errors.gyro = read_gyro(imu.child("gyro"), nullptr, internal_hz);
   errors.accelerometer = read_accelerometer(imu.child("accelerometer"), nullptr, internal_hz);

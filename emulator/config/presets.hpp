@@ -17,9 +17,9 @@ namespace imud {
 enum class Sidedness : std::uint8_t { none, two_sided, one_sided };
 
 // A file: a line with the sensor's name, a line with the source, then, where a bandwidth is known, [imu] with the
-// internal rate, then [imu.gyro] and [imu.accelerometer] as in a configuration. The comment "unconfirmed: from
-// memory", "secondary source" or "assumed" after a value marks one that is not from a document of the manufacturer.
-// Files of users are the same, but need not have the two lines.
+// internal rate and the decimation, then [imu.gyro] and [imu.accelerometer] as in a configuration. The comment
+// "unconfirmed: from memory", "secondary source" or "assumed" after a value marks one that is not from a document of
+// the manufacturer. Files of users are the same, but need not have the two lines.
 struct Preset {
   std::string_view name;
   std::string_view text;
@@ -41,8 +41,13 @@ const Preset* find_preset(std::string_view name);
 // preset, or "white".
 std::string_view default_model(const Protocol& protocol, const Settings& settings);
 
+// How a product makes samples at a rate below its internal rate: each is the value of one internal sample, or the
+// mean of all of them, which has as many more digits as it has summands.
+enum class Decimation : std::uint8_t { sample, mean };
+
 struct PresetErrors {
   double internal_rate_hz = 0;  // 0: the sample rate
+  Decimation decimation = Decimation::sample;
   TriadErrors gyro, accelerometer;
   Sidedness gyro_density, accelerometer_density;
 };

@@ -7,14 +7,13 @@ these products has a K.
 import argparse
 import sys
 
-from noise_bench import PRODUCTS, SENSORS, allan_variance, at_rest, np
+from noise_bench import FLAT, PRODUCTS, SENSORS, allan_variance, at_rest, np
 
 BAND = 0.07
 # The mean over axes and seeds is taken when its standard error is this: the band is 3.5 of it to each side, and a line is beyond
 # it without cause with a probability of 5e-4.
 STANDARD_ERROR = 0.02
 HOURS = 8.0
-FLAT = 2 * np.log(2) / np.pi
 FACTORS = 2 ** np.arange(0, 11)  # averaging times in s, where the preset's flicker is flat
 
 

@@ -14,6 +14,7 @@ DEG = np.pi / 180
 HOUR = 3600.0
 GYRO, ACCELEROMETER = "gyro", "accelerometer"
 SENSORS = (GYRO, ACCELEROMETER)
+FLAT = 2 * np.log(2) / np.pi  # of B^2 in the Allan variance
 
 
 # --- The documents' formats ---
@@ -78,10 +79,11 @@ def mip(data):
 
 
 class Product:
-    def __init__(self, decode, hz, keys, unit_keys, N, B):
+    def __init__(self, decode, hz, keys, unit_keys, N, minimum):
         self.decode, self.hz, self.keys = decode, hz, keys
         self.unit_keys = unit_keys  # of each sensor: the key of N in imud's configuration, and its unit in SI
-        self.N, self.B = dict(zip(SENSORS, N)), dict(zip(SENSORS, B))  # SI
+        # SI. The sheet's in-run bias is the minimum of the Allan deviation, of flicker alone 0.664 B.
+        self.N, self.B = dict(zip(SENSORS, N)), dict(zip(SENSORS, np.array(minimum) / FLAT**0.5))
 
 
 RT_HOUR = HOUR**0.5
