@@ -8,77 +8,8 @@
 
 namespace imud {
 namespace {
-TriadErrors in_vibration(TriadErrors errors, const Vibration& vibration) {
-  errors.vibration_mean_square = vibration.mean_square();
-  return errors;
-}
-
 double internal_period_s(const ImuModel& model) noexcept { return 1.0 / (model.internal_samples * model.rate_hz); }
 }  // namespace
-
-Imu::Imu(const ImuModel& model, std::uint64_t seed, std::uint32_t stream)
-    : model_(model),
-      dcm_PB_(model.dcm_PB),
-      q_BP_(Quaternion(model.dcm_PB.transpose()).normalized()),
-      normals_(seed, stream),
-      vibration_(model.vibration, normals_),
-      gyro_(model.gyro, Quantity::rate, internal_period_s(model)),
-      accelerometer_(in_vibration(model.accelerometer, vibration_), Quantity::specific_force,
-                     internal_period_s(model)),
-      size_effect_(model.accelerometer_positions, model.dcm_PB),
-      earth_(model.earth),
-      rest_(model.earth),
-      magnetometer_(model.magnetometer, Quantity::magnetic_field, 1.0 / model.rate_hz),
-      temperature_(model.temperature, model.temperature_c),
-      barometer_(model.barometer, 1.0 / model.rate_hz),
-      navigation_(model.navigation, 1.0 / model.rate_hz),
-      is_disturbed_(vibration_.is_on() || size_effect_.is_on()),
-      period_s_(1.0 / model.rate_hz) {}
-
-void Imu::seek(std::uint64_t k) noexcept {
-  counter_ = k;
-  internal_ = {.time = last_time_, .since_power_on = internal_.since_power_on};
-  gyro_.seek(normals_, internal_number());
-  accelerometer_.seek(normals_, internal_number());
-  magnetometer_.seek(normals_, k);
-  barometer_.seek(normals_, k);
-  navigation_.seek(normals_, k);
-}
-
-void Imu::power_on(std::uint64_t number) noexcept {
-  powered_on_ = counter_;
-  gyro_.power_on(number);
-  accelerometer_.power_on(number);
-  magnetometer_.power_on(number);
-}
-
-void Imu::set_bias(Quantity quantity, const Vector3& bias) noexcept {
-  const bool is_rate = quantity == Quantity::rate, is_force = quantity == Quantity::specific_force;
-  (is_rate ? model_.gyro : is_force ? model_.accelerometer : model_.magnetometer).bias = bias;
-  (is_rate ? gyro_ : is_force ? accelerometer_ : magnetometer_).set_bias(bias);
-}
-
-const Vector3& Imu::bias(Quantity quantity) const noexcept {
-  const bool is_rate = quantity == Quantity::rate, is_force = quantity == Quantity::specific_force;
-  return (is_rate ? model_.gyro : is_force ? model_.accelerometer : model_.magnetometer).bias;
-}
-
-void Imu::set_seed(std::uint64_t seed) noexcept {
-  normals_.set_seed(seed);
-  for (Triad* triad : {&gyro_, &accelerometer_, &magnetometer_}) triad->forget_numbers();
-  barometer_.forget_numbers();
-  navigation_.forget_numbers();
-}
-
-void Imu::reserve_filters(int length) {
-  for (Triad* triad : {&gyro_, &accelerometer_, &magnetometer_}) triad->reserve_filter(length);
-}
-
-void Imu::set_filters(const SensorFilters& filters) noexcept {
-  gyro_.set_filter(filters.gyro);
-  accelerometer_.set_filter(filters.accelerometer);
-  magnetometer_.set_filter(filters.magnetometer);
-}
 
 void Imu::advance(const Timeline& timeline, TruthTime until) noexcept {
   if (run_ != Run::truth || until > timeline.newest()) return;

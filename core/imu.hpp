@@ -41,6 +41,9 @@ struct ImuModel {
   int internal_samples = 1;
   Vector3 r_SB_B = Vector3::Zero();  // m, the lever arm
   Matrix3 dcm_PB = Matrix3::Identity();
+  // rad, standard deviation of a rotation of the platform from there, about each of its axes, that is drawn once for
+  // the unit: v_P = exp(-phi) dcm_PB v_B.
+  Vector3 alignment_sigma = Vector3::Zero();
   TriadErrors gyro;
   TriadErrors accelerometer;
   Matrix3 accelerometer_positions = Matrix3::Zero();  // m, row i: from S to accelerometer i, in platform axes
@@ -56,6 +59,9 @@ struct ImuModel {
   BarometerErrors barometer;
   NavigationErrors navigation;
 };
+
+// Returns the rotation vector by which the unit's platform differs from dcm_PB, rad.
+Vector3 drawn_alignment(const ImuModel& model, const Normals& normals) noexcept;
 
 // One sensor: samples a Timeline, or a vehicle at rest, and adds the errors. Nothing here allocates, locks, throws or
 // reads a clock. Not thread-safe.
@@ -97,8 +103,8 @@ class Imu {
     return is_held() ? sampled_ : advanced_.time;
   }
 
-  // Draws the errors that differ from one power on to the next. `number` counts them from 0, with which an Imu
-  // begins. The other errors continue.
+  // Draws the errors that differ from one power on to the next (TriadErrors::turn_on_bias and turn_on_sigma).
+  // `number` counts them from 0, with which an Imu begins. The other errors continue.
   void power_on(std::uint64_t number) noexcept;
 
   // Allocates memory for set_filters(): boxcars of one stage and at most this length.
@@ -110,7 +116,7 @@ class Imu {
   void set_bias(Quantity quantity, const Vector3& bias) noexcept;
   const Vector3& bias(Quantity quantity) const noexcept;
   // Replaces the seed: each sample from the next one on has the random numbers of `seed` for it. Errors with a memory
-  // continue from their values. Numbers drawn once, at power on or for the vibration, stay.
+  // continue from their values. Numbers drawn once, for the unit, at power on or for the vibration, stay.
   void set_seed(std::uint64_t seed) noexcept;
 
   // Takes the place of `before` between two samples: run, counter, increments since the last sample and random
@@ -206,6 +212,7 @@ class Imu {
                    Sample& out) noexcept;
   void delay(const Timeline& timeline, const MotionState& now, Navigation& navigation) const noexcept;
   void move_to_sensor(const MotionState& state, PositionVelocity& position) const noexcept;
+  void draw_constants() noexcept;
   Vector3 true_delta_angle_B(const MotionState& now) const noexcept;
   Vector3 true_delta_velocity_B(const MotionState& now) const noexcept;
 
@@ -213,6 +220,9 @@ class Imu {
   LaneMatrix dcm_PB_;
   Quaternion q_BP_;
   Normals normals_;
+  Normals unit_normals_;         // of what was drawn once for the unit,
+  Normals power_on_normals_;     // and at the last power on
+  std::uint64_t power_ons_ = 0;  // before the present one
   Vibration vibration_;
   Triad gyro_;
   Triad accelerometer_;

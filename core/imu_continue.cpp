@@ -8,6 +8,10 @@ namespace imud {
 
 void Imu::continue_from(const Imu& before) noexcept {
   normals_ = before.normals_;
+  unit_normals_ = before.unit_normals_;
+  power_on_normals_ = before.power_on_normals_;
+  power_ons_ = before.power_ons_;
+  draw_constants();
   counter_ = before.counter_;
   // The time since power on goes on, rounded to a period.
   const double since_power_on = before.time_since_power_on();

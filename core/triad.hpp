@@ -51,6 +51,14 @@ inline constexpr bool is_of_memo = []<class... Memo>(std::tuple<Memo...>*) {
   return (std::is_same_v<Effect, Memo> || ...);
 }(static_cast<std::tuple<ScaleFactor, Bias, GaussMarkov, AddErrors, ValueRounding, Saturation>*>(nullptr));
 
+// True for the effects that are constant while the power is on, and have no state.
+template <class Effect>
+inline constexpr bool is_constant =
+    []<class... Constant>(std::tuple<Constant...>*) {
+      return (std::is_same_v<Effect, Constant> || ...);
+    }(static_cast<std::tuple<Misalignment, ScaleFactor, Nonlinearity, TemperatureScale, Bias, TemperatureBias,
+                             AccelerationSensitivity>*>(nullptr));
+
 // The three sensors. Does not allocate, lock or throw; not thread-safe.
 class Triad {
  public:
@@ -95,6 +103,13 @@ class Triad {
         effect.continue_from(std::get<Effect>(before.effects_), normals, k);
     };
     each(go_on);
+  }
+  // Replaces the constant errors of the inputs, and of the bias by temperature, from the next sample on.
+  void set_constants(const TriadErrors& errors, Quantity quantity) noexcept {
+    each([&]<class Effect>(Effect& effect) {
+      if constexpr (is_constant<Effect>) effect = Effect(errors, quantity, 0);
+    });
+    note_what_is_on();
   }
   // Bias::set().
   void set_bias(const Vector3& bias) noexcept { std::get<Bias>(effects_).set(bias); }

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <optional>
 
+#include "core/effects/constant_errors.hpp"
 #include "core/effects/sensor_filter.hpp"
 #include "core/vector.hpp"
 
@@ -88,6 +89,10 @@ struct TriadErrors {
 
   // IncrementRounding
   double increment_lsb = 0.0;  // u s, not negative; 0: no rounding. Above 0, ValueRounding leaves the increments
+
+  // By how much the constant errors above differ from unit to unit, and from one power on to another (the bias there:
+  // turn_on_bias). drawn_errors() adds them; the effects do not know them.
+  ConstantErrors unit_sigma, turn_on_sigma;
 
   // Returns the limits of the axes.
   AxisLimits range() const { return limits.value_or(AxisLimits{Vector3::Constant(-max), Vector3::Constant(max)}); }

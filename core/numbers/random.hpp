@@ -32,10 +32,14 @@ enum class Process : std::uint32_t {
   random_walk_within_step = 5,
   vibration = 6,  // sample k: coordinate k % 2 of the phase of line k/2
   sampling_jitter = 7,
-  fault = 8,         // of a wire: coordinate of a byte or a frame
-  fault_draw = 9,    // the numbers of an occurrence of a fault
-  fault_noise = 10,  // that a fault adds to a sample
-  flicker = 32,      // of its first octave; the other octaves have the next 31 numbers
+  fault = 8,          // of a wire: coordinate of a byte or a frame
+  fault_draw = 9,     // the numbers of an occurrence of a fault
+  fault_noise = 10,   // that a fault adds to a sample
+  unit_draw = 11,     // constant errors of a unit (drawn_errors.cpp)
+  turn_on_draw = 12,  // constant errors of one power on
+  correlated_within_step = 13,
+  flicker_within_step = 14,
+  flicker = 32,  // of its first octave; the other octaves have the next 31 numbers
 };
 
 // Returns the number of the octave-th process of a cascade, 0 to 31, that begins with `first`.

@@ -315,7 +315,8 @@ void read_filter(TableReader& table, SensorFilter& filter, double rate_hz) {
                                 walk_sqrt_cov, walk_bound, turn_on_bias, ramp, g_sensitivity, g_squared_sensitivity,
                                 vibration_rectification, vibration_mean_square, white_density, bias_instability,
                                 flicker_from_s, flicker_to_s, correlated_sigma, correlation_time, random_walk_density,
-                                filter, lsb, rounding, carry, max, limits, increment_lsb] = errors;
+                                filter, lsb, rounding, carry, max, limits, increment_lsb, unit_sigma, turn_on_sigma] =
+      errors;
 }
 
 TriadErrors read_triad(TableReader& table, const SensorKeys& keys, const TriadErrors* product, double rate_hz,

@@ -1,0 +1,21 @@
+// The draws of the constant errors: once for a unit, and again at each power on.
+#pragma once
+
+#include <cstdint>
+
+#include "core/effects/triad_errors.hpp"
+#include "core/numbers/random.hpp"
+
+namespace imud {
+
+// Each element is sigma n, n ~ N(0, 1). The two layers are independent. Nothing here allocates or throws.
+ConstantErrors drawn_for_unit(const TriadErrors& errors, Quantity quantity, const Normals& normals) noexcept;
+// `number` counts the power ons from 0. The bias that is drawn is TurnOnBias's own.
+ConstantErrors drawn_at_power_on(const TriadErrors& errors, Quantity quantity, const Normals& normals,
+                                 std::uint64_t number) noexcept;
+
+// Returns the errors of a unit after that power on, with the random numbers of both layers.
+TriadErrors drawn_errors(const TriadErrors& errors, Quantity quantity, const Normals& of_unit,
+                         const Normals& of_power_on, std::uint64_t number) noexcept;
+
+}  // namespace imud

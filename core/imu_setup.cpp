@@ -1,0 +1,115 @@
+// The parts of a sensor, and the changes between its samples: power, seed, bias, filters.
+
+#include "core/attitude.hpp"
+#include "core/effects/drawn_errors.hpp"
+#include "core/imu.hpp"
+
+namespace imud {
+namespace {
+TriadErrors in_vibration(TriadErrors errors, const Vibration& vibration) {
+  errors.vibration_mean_square = vibration.mean_square();
+  return errors;
+}
+
+ImuModel drawn_mounting(ImuModel model, const Normals& normals) {
+  const Vector3 phi = drawn_alignment(model, normals);
+  if (phi.isZero(0.0)) return model;
+  model.dcm_PB = exp(phi).toRotationMatrix().transpose() * model.dcm_PB;
+  return model;
+}
+
+double internal_period_s(const ImuModel& model) noexcept { return 1.0 / (model.internal_samples * model.rate_hz); }
+}  // namespace
+
+Vector3 drawn_alignment(const ImuModel& model, const Normals& normals) noexcept {
+  if (model.alignment_sigma.isZero(0.0)) return Vector3::Zero();
+  return model.alignment_sigma.cwiseProduct(normals(Quantity::attitude, Process::unit_draw, 0));
+}
+
+Imu::Imu(const ImuModel& model, std::uint64_t seed, std::uint32_t stream)
+    : model_(drawn_mounting(model, Normals(seed, stream))),
+      dcm_PB_(model_.dcm_PB),
+      q_BP_(Quaternion(model_.dcm_PB.transpose()).normalized()),
+      normals_(seed, stream),
+      unit_normals_(normals_),
+      power_on_normals_(normals_),
+      vibration_(model.vibration, normals_),
+      gyro_(drawn_errors(model.gyro, Quantity::rate, normals_, normals_, 0), Quantity::rate,
+            internal_period_s(model)),
+      accelerometer_(in_vibration(drawn_errors(model.accelerometer, Quantity::specific_force, normals_, normals_, 0),
+                                  vibration_),
+                     Quantity::specific_force, internal_period_s(model)),
+      size_effect_(model.accelerometer_positions, model_.dcm_PB),
+      earth_(model.earth),
+      rest_(model.earth),
+      magnetometer_(drawn_errors(model.magnetometer, Quantity::magnetic_field, normals_, normals_, 0),
+                    Quantity::magnetic_field, 1.0 / model.rate_hz),
+      temperature_(model.temperature, model.temperature_c),
+      barometer_(model.barometer, 1.0 / model.rate_hz),
+      navigation_(model.navigation, 1.0 / model.rate_hz),
+      is_disturbed_(vibration_.is_on() || size_effect_.is_on()),
+      period_s_(1.0 / model.rate_hz) {}
+
+void Imu::seek(std::uint64_t k) noexcept {
+  counter_ = k;
+  internal_ = {.time = last_time_, .since_power_on = internal_.since_power_on};
+  gyro_.seek(normals_, internal_number());
+  accelerometer_.seek(normals_, internal_number());
+  magnetometer_.seek(normals_, k);
+  barometer_.seek(normals_, k);
+  navigation_.seek(normals_, k);
+}
+
+void Imu::power_on(std::uint64_t number) noexcept {
+  powered_on_ = counter_;
+  power_ons_ = number;
+  power_on_normals_ = normals_;
+  gyro_.power_on(number);
+  accelerometer_.power_on(number);
+  magnetometer_.power_on(number);
+  draw_constants();
+}
+
+void Imu::draw_constants() noexcept {
+  const auto draw = [this](Triad& triad, const TriadErrors& errors, Quantity quantity) {
+    if (errors.unit_sigma.is_on() || errors.turn_on_sigma.is_on())
+      triad.set_constants(drawn_errors(errors, quantity, unit_normals_, power_on_normals_, power_ons_), quantity);
+  };
+  draw(gyro_, model_.gyro, Quantity::rate);
+  draw(accelerometer_, model_.accelerometer, Quantity::specific_force);
+  draw(magnetometer_, model_.magnetometer, Quantity::magnetic_field);
+}
+
+void Imu::set_bias(Quantity quantity, const Vector3& bias) noexcept {
+  const bool is_rate = quantity == Quantity::rate, is_force = quantity == Quantity::specific_force;
+  TriadErrors& errors = is_rate ? model_.gyro : is_force ? model_.accelerometer : model_.magnetometer;
+  errors.bias = bias;
+  (is_rate    ? gyro_
+   : is_force ? accelerometer_
+              : magnetometer_)
+      .set_bias(bias + drawn_for_unit(errors, quantity, unit_normals_).bias);
+}
+
+const Vector3& Imu::bias(Quantity quantity) const noexcept {
+  const bool is_rate = quantity == Quantity::rate, is_force = quantity == Quantity::specific_force;
+  return (is_rate ? model_.gyro : is_force ? model_.accelerometer : model_.magnetometer).bias;
+}
+
+void Imu::set_seed(std::uint64_t seed) noexcept {
+  normals_.set_seed(seed);
+  for (Triad* triad : {&gyro_, &accelerometer_, &magnetometer_}) triad->forget_numbers();
+  barometer_.forget_numbers();
+  navigation_.forget_numbers();
+}
+
+void Imu::reserve_filters(int length) {
+  for (Triad* triad : {&gyro_, &accelerometer_, &magnetometer_}) triad->reserve_filter(length);
+}
+
+void Imu::set_filters(const SensorFilters& filters) noexcept {
+  gyro_.set_filter(filters.gyro);
+  accelerometer_.set_filter(filters.accelerometer);
+  magnetometer_.set_filter(filters.magnetometer);
+}
+
+}  // namespace imud
