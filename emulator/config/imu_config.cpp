@@ -31,6 +31,9 @@ void read_mounting(TableReader table, ImuModel& model) {
     else if (!ypr.isZero(0.0))
       model.dcm_PB = dcm_from_yaw_pitch_roll(ypr[0], ypr[1], ypr[2]);
   }
+  constexpr double mrad = 1e-3;
+  if (table.has("alignment_sigma_mrad"))
+    model.alignment_sigma = mrad * table.per_axis("alignment_sigma_mrad", Vector3::Zero(), 0, 100);
   table.finish();
 }
 

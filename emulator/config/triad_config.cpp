@@ -12,126 +12,12 @@
 #include "core/allan_terms.hpp"
 #include "core/units.hpp"
 #include "emulator/config/config_parts.hpp"
-#include "emulator/plan/keys.hpp"
-#include "protocols/quantities/key_units.hpp"
+#include "emulator/config/sensor_keys.hpp"
 
 namespace imud {
 namespace {
 
-constexpr double huge = keys::largest;
-constexpr double hour = 3600, root_hour = 60;  // s, sqrt(s)
-constexpr double deg = units::degree, g = units::standard_gravity;
-
-// A unit as a key ends, and its value in SI.
-struct Unit {
-  std::string_view suffix;
-  double si;
-};
-using Units = std::initializer_list<Unit>;
-
-// Returns the unit of that name from the table of all keys' units.
-consteval Unit unit(std::span<const KeyUnit> units, std::string_view suffix) {
-  const KeyUnit* found = find_unit(units, suffix);
-  if (found == nullptr || found->offset != 0) throw "no such unit";
-  return {found->suffix.substr(1), found->factor};
-}
-
-// The keys of one kind of sensor. A term has the units of IEEE Std 952 and 1293, and of data sheets.
-struct SensorKeys {
-  Units value;                  // of max, lsb and the bias terms
-  std::string_view white;       // the name of its white noise's integral; empty: it has none
-  Units white_units;            // of that name
-  Units density;                // of noise_density
-  std::string_view walk, ramp;  // the names of its random walk and its ramp
-  Units walk_units, ramp_units;
-  std::string_view increment_lsb;  // empty: it has no increments
-};
-
-const SensorKeys gyro_keys = {
-    .value = {unit(key_units::rate, "_rad_per_s"), unit(key_units::rate, "_deg_per_s"),
-              unit(key_units::rate, "_deg_per_hr")},
-    .white = "angle_random_walk",
-    .white_units = {{"rad_per_rt_s", 1}, {"deg_per_rt_s", deg}, {"deg_per_rt_hr", deg / root_hour}},
-    .density = {{"rad_per_s_per_rt_hz", 1},
-                {"deg_per_s_per_rt_hz", deg},
-                {"mdeg_per_s_per_rt_hz", 1e-3 * deg},
-                {"deg_per_hr_per_rt_hz", deg / hour}},
-    .walk = "rate_random_walk",
-    .ramp = "rate_ramp",
-    .walk_units = {{"rad_per_s_per_rt_s", 1},
-                   {"deg_per_s_per_rt_s", deg},
-                   {"deg_per_hr_per_rt_hr", deg / hour / root_hour}},
-    .ramp_units = {{"rad_per_s2", 1}, {"deg_per_s2", deg}, {"deg_per_hr_per_hr", deg / hour / hour}},
-    .increment_lsb = "lsb_delta_angle_rad"};
-
-const SensorKeys accelerometer_keys = {
-    .value = {unit(key_units::acceleration, "_m_per_s2"), unit(key_units::acceleration, "_g"),
-              unit(key_units::acceleration, "_mg"), unit(key_units::acceleration, "_ug")},
-    .white = "velocity_random_walk",
-    .white_units = {{"m_per_s_per_rt_s", 1}, {"m_per_s_per_rt_hr", 1 / root_hour}},
-    .density = {{"m_per_s2_per_rt_hz", 1}, {"mg_per_rt_hz", 1e-3 * g}, {"ug_per_rt_hz", 1e-6 * g}},
-    .walk = "acceleration_random_walk",
-    .ramp = "acceleration_ramp",
-    .walk_units = {{"m_per_s2_per_rt_s", 1},
-                   {"mg_per_rt_hr", 1e-3 * g / root_hour},
-                   {"ug_per_rt_hr", 1e-6 * g / root_hour}},
-    .ramp_units = {{"m_per_s3", 1}, {"mg_per_hr", 1e-3 * g / hour}, {"ug_per_hr", 1e-6 * g / hour}},
-    .increment_lsb = "lsb_delta_velocity_m_per_s"};
-
-const SensorKeys magnetometer_keys = {
-    .value = {unit(key_units::magnetic_field, "_t"), unit(key_units::magnetic_field, "_ut"),
-              unit(key_units::magnetic_field, "_nt")},
-    .white = "",
-    .white_units = {},
-    .density = {{"t_per_rt_hz", 1}, {"ut_per_rt_hz", 1e-6}, {"nt_per_rt_hz", 1e-9}},
-    .walk = "field_random_walk",
-    .ramp = "field_ramp",
-    .walk_units = {{"t_per_rt_s", 1}, {"nt_per_rt_s", 1e-9}},
-    .ramp_units = {{"t_per_s", 1}, {"nt_per_hr", 1e-9 / hour}},
-    .increment_lsb = ""};
-
-std::string key_of(std::string_view stem, std::string_view suffix) { return fmt::format("{}_{}", stem, suffix); }
-
-// Returns the first unit in which the term is given; nullptr if there is none.
-const Unit* given_unit(TableReader& table, std::string_view stem, std::span<const Unit> units) {
-  const Unit* given = nullptr;
-  for (const Unit& unit : units)
-    if (table.has(key_of(stem, unit.suffix)) && given == nullptr) given = &unit;
-  return given;
-}
-
-// Reads a term in the unit in which it is given, with read(key, fallback, unit). Adds a fault if it is given twice.
-// The first unit is the unit of `fallback`.
-template <class Value, class Read>
-Value in_given_unit(TableReader& table, std::string_view stem, std::span<const Unit> units, const Value& fallback,
-                    Read read) {
-  const Unit* given = given_unit(table, stem, units);
-  if (given == nullptr) return read(key_of(stem, units.begin()->suffix), fallback);
-  Value value = fallback;
-  for (const Unit& unit : units) {
-    const std::string key = key_of(stem, unit.suffix);
-    if (!table.has(key)) continue;
-    const Value si = unit.si * read(key, Value(fallback / unit.si));
-    if (&unit == given)
-      value = si;
-    else
-      table.fault(key, fmt::format("give either this or {}, not both", key_of(stem, given->suffix)));
-  }
-  return value;
-}
-
-Vector3 in_units(TableReader& table, std::string_view stem, std::span<const Unit> units, const Vector3& fallback,
-                 double min = 0) {
-  return in_given_unit(table, stem, units, fallback, [&](const std::string& key, const Vector3& absent) {
-    return table.per_axis(key, absent, min, huge);
-  });
-}
-
-double number_in_units(TableReader& table, std::string_view stem, std::span<const Unit> units, double fallback,
-                       double min) {
-  return in_given_unit(table, stem, units, fallback,
-                       [&](const std::string& key, double absent) { return table.real(key, absent, min, huge); });
-}
+using namespace sensor_units;
 
 // A walk x <- A x + P n grows without limit, exponentially, if an eigenvalue of A is larger than 1.
 void check_growth(TableReader& table, const TriadErrors& e) {
@@ -154,9 +40,9 @@ void read_white_noise(TableReader& table, const SensorKeys& keys, Sidedness base
   const bool one_sided =
       table.choice<bool>("noise_density_sidedness", {{false, "two_sided"}, {true, "one_sided"}}, was_one_sided);
   if (base != Sidedness::none && one_sided != was_one_sided) e.white_density *= std::sqrt(one_sided ? 0.5 : 2.0);
-  const Unit* density = given_unit(table, "noise_density", keys.density);
+  const ErrorUnit* density = given_unit(table, "noise_density", keys.density);
   if (!keys.white.empty()) {
-    const Unit* integral = given_unit(table, keys.white, keys.white_units);
+    const ErrorUnit* integral = given_unit(table, keys.white, keys.white_units);
     if (integral != nullptr && density != nullptr)
       table.fault(key_of("noise_density", density->suffix),
                   fmt::format("give either this or {}, not both", key_of(keys.white, integral->suffix)));
@@ -170,7 +56,7 @@ void read_white_noise(TableReader& table, const SensorKeys& keys, Sidedness base
 }
 
 // Reads the minimum of the Allan deviation, and returns the B that it requires beside N and K.
-Vector3 read_bias_minimum(TableReader& table, const SensorKeys& keys, const Unit& unit, const TriadErrors& e,
+Vector3 read_bias_minimum(TableReader& table, const SensorKeys& keys, const ErrorUnit& unit, const TriadErrors& e,
                           double rate_hz) {
   const Vector3 minimum = in_units(table, "bias_minimum", keys.value, Vector3::Zero());
   const std::array<AllanTerms, 3> terms = allan_terms(e, rate_hz);
@@ -194,8 +80,8 @@ Vector3 read_bias_minimum(TableReader& table, const SensorKeys& keys, const Unit
 
 // After the terms of which the minimum depends.
 void read_bias_instability(TableReader& table, const SensorKeys& keys, TriadErrors& e, double rate_hz) {
-  const Unit* coefficient = given_unit(table, "bias_instability", keys.value);
-  const Unit* minimum = given_unit(table, "bias_minimum", keys.value);
+  const ErrorUnit* coefficient = given_unit(table, "bias_instability", keys.value);
+  const ErrorUnit* minimum = given_unit(table, "bias_minimum", keys.value);
   if (minimum != nullptr && coefficient != nullptr)
     table.fault(key_of("bias_minimum", minimum->suffix),
                 fmt::format("give either this or {}, not both", key_of("bias_instability", coefficient->suffix)));
@@ -246,36 +132,7 @@ void read_response(TableReader& table, TriadErrors& e) {
                                             "misalignment; use [imu.mounting] to turn the sensor",
                                             distance, largest));
   e.scale_factor = table.vector3("scale_factor", e.scale_factor);
-  const double ppm = 1e-6;
-  e.scale_factor_asymmetry =
-      ppm * table.per_axis("scale_factor_asymmetry_ppm", e.scale_factor_asymmetry / ppm, -1e6, 1e6);
-  // A deviation of p ppm of the range at the end of the range.
-  const AxisLimits range = e.range();
-  const auto upper = range.upper.array();
-  const Vector3 square = ppm / upper, cube = ppm / (upper * upper);
-  const auto in_ppm = [&](std::string_view key, const Vector3& unit, Vector3& term) {
-    term = unit.cwiseProduct(table.per_axis(key, term.cwiseQuotient(unit), -1e6, 1e6));
-  };
-  in_ppm("quadratic_ppm_of_range", square, e.quadratic);
-  in_ppm("cubic_ppm_of_range", cube, e.cubic);
-}
-
-// A polynomial over the temperature: a key for each unit of its degree.
-void read_temperature(TableReader& table, const SensorKeys& keys, TriadErrors& e) {
-  e.reference_temperature_c = table.real("reference_temperature_c", e.reference_temperature_c, -273.15, 1e4);
-  const double ppm = 1e-6;
-  constexpr std::string_view powers[] = {"per_c", "per_c2", "per_c3"};
-  for (int degree = 0; degree < 3; ++degree) {
-    const std::string_view per = powers[degree];
-    e.temperature_scale.col(degree) =
-        ppm * table.per_axis(key_of("temperature_scale_ppm", per), e.temperature_scale.col(degree) / ppm, -1e6, 1e6);
-    std::vector<std::string> suffixes;
-    std::vector<Unit> units;
-    for (const Unit& unit : keys.value) suffixes.push_back(key_of(unit.suffix, per));
-    for (std::size_t i = 0; i < suffixes.size(); ++i) units.push_back({suffixes[i], keys.value.begin()[i].si});
-    e.temperature_bias.col(degree) =
-        in_units(table, "temperature_bias", units, e.temperature_bias.col(degree), -huge);
-  }
+  read_nonlinearity(table, e.range(), false, e);
 }
 
 // At most one kind of filter, at whose output a sample is taken.
@@ -327,7 +184,8 @@ TriadErrors read_triad(TableReader& table, const SensorKeys& keys, const TriadEr
   else if (given_unit(table, "max", keys.value) == nullptr)
     require(table, key_of("max", keys.value.begin()->suffix), "the largest value that the sensor can measure");
   read_range(table, keys, e);
-  read_temperature(table, keys, e);
+  e.reference_temperature_c = table.real("reference_temperature_c", e.reference_temperature_c, -273.15, 1e4);
+  read_temperature_terms(table, keys, false, e.temperature_scale, e.temperature_bias);
   read_response(table, e);
   e.bias = in_units(table, "bias", keys.value, e.bias, -huge);
   e.turn_on_bias = in_units(table, "turn_on_bias", keys.value, e.turn_on_bias);
@@ -350,6 +208,7 @@ TriadErrors read_triad(TableReader& table, const SensorKeys& keys, const TriadEr
   e.walk_bound = table.vector3("walk_bound", e.walk_bound);
   if ((e.walk_bound.array() < 0.0).any()) table.fault("walk_bound", "give numbers of at least 0 (0: no bound)");
   check_growth(table, e);
+  read_spreads(table, keys, e);
   read_bias_instability(table, keys, e, rate_hz);
   return e;
 }
