@@ -104,7 +104,16 @@ std::string event_text(const FaultConfig& fault, const std::string& imu, const F
                      event.run < 0 ? "since power on" : "after the begin of the run");
 }
 
-std::string labels_csv(std::span<const FaultLabel> labels, std::optional<std::uint64_t> seed) {
+std::vector<DrawnLabel> drawn_labels(std::span<const ImuConfig> imus, std::uint64_t seed) {
+  std::vector<DrawnLabel> all;
+  for (const ImuConfig& imu : imus)
+    for (DrawnTerms& drawn : drawn_terms(imu.model, imu.seed.value_or(seed), imu.name))
+      all.push_back({imu.name, std::move(drawn)});
+  return all;
+}
+
+std::string labels_csv(std::span<const FaultLabel> labels, std::span<const DrawnLabel> drawn,
+                       std::optional<std::uint64_t> seed) {
   std::string text = seed ? "seed," : "";
   text +=
       "fault,imu,target,kind,occurrence,first_sample,last_sample,first_counter,last_counter,begin_s,end_s,"
@@ -123,10 +132,16 @@ std::string labels_csv(std::span<const FaultLabel> labels, std::optional<std::ui
                     label.first.device_time.ns, label.last.device_time.ns, parameters_text(*label.fault, label.first),
                     label.first.run, word(label.state));
   }
+  for (const auto& [imu, terms] : drawn) {
+    if (seed) text += fmt::format("{},", *seed);
+    text +=
+        fmt::format(",{},{},{},,,,,,,,,,{},,drawn\n", quoted(imu), terms.sensor, terms.layer, quoted(terms.text()));
+  }
   return text;
 }
 
-std::string labels_json(std::span<const FaultLabel> labels, std::optional<std::uint64_t> seed) {
+std::string labels_json(std::span<const FaultLabel> labels, std::span<const DrawnLabel> drawn,
+                        std::optional<std::uint64_t> seed) {
   nlohmann::ordered_json all = nlohmann::ordered_json::array();
   for (const FaultLabel& label : labels) {
     nlohmann::ordered_json parameters = nlohmann::ordered_json::object();
@@ -155,6 +170,13 @@ std::string labels_json(std::span<const FaultLabel> labels, std::optional<std::u
                 {"parameters", std::move(parameters)},
                 {"run", label.first.run},
                 {"state", word(label.state)}});
+  }
+  for (const auto& [imu, terms] : drawn) {
+    nlohmann::ordered_json& one = all.emplace_back(nlohmann::ordered_json::object());
+    if (seed) one["seed"] = *seed;
+    one.update({{"fault", nullptr}, {"imu", imu}, {"target", terms.sensor}, {"kind", terms.layer}});
+    for (const auto& [name, values] : terms.terms) one["parameters"][std::string(name)] = values;
+    one["state"] = "drawn";
   }
   return all.dump(1) + "\n";
 }

@@ -8,6 +8,8 @@
 #include <vector>
 
 #include "emulator/faults/fault_log.hpp"
+#include "emulator/ground/drawn_terms.hpp"
+#include "emulator/plan/config.hpp"
 #include "emulator/plan/fault_config.hpp"
 
 namespace imud {
@@ -54,10 +56,19 @@ std::string event_text(const FaultConfig& fault, const std::string& imu, const F
 // Returns the name of the imu of this number, or the name of truth.
 const std::string& imu_of(const FaultEvent& event, std::span<const std::string> imus);
 
+// The constant errors that were drawn for an imu of the configuration.
+struct DrawnLabel {
+  std::string imu;
+  DrawnTerms drawn;
+};
+std::vector<DrawnLabel> drawn_labels(std::span<const ImuConfig> imus, std::uint64_t seed);
+
 // A header row and a row for each label. Columns: emulator/faults/README.md. `seed`: the seed of the run, as another
 // column before these, for the labels of many runs.
-std::string labels_csv(std::span<const FaultLabel> labels, std::optional<std::uint64_t> seed = std::nullopt);
+std::string labels_csv(std::span<const FaultLabel> labels, std::span<const DrawnLabel> drawn = {},
+                       std::optional<std::uint64_t> seed = std::nullopt);
 // The same as a list of objects.
-std::string labels_json(std::span<const FaultLabel> labels, std::optional<std::uint64_t> seed = std::nullopt);
+std::string labels_json(std::span<const FaultLabel> labels, std::span<const DrawnLabel> drawn = {},
+                        std::optional<std::uint64_t> seed = std::nullopt);
 
 }  // namespace imud

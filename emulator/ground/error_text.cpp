@@ -37,6 +37,23 @@ std::string TriadTerms::bias_text() const {
     parts.push_back(fmt::format("turn-on bias {:.4g} {}", turn_on_bias.maxCoeff() / B.si, B.name));
   const double per_g = g_sensitivity.cwiseAbs().maxCoeff() * units::standard_gravity / B.si;
   if (per_g > 0) parts.push_back(fmt::format("{:.4g} {}/g by acceleration", per_g, B.name));
+  const auto add_drawn = [&](std::string_view when, const ConstantErrors& sigma) {
+    std::vector<std::string> drawn;
+    const auto add = [&](std::string_view name, double largest, double unit, std::string_view unit_name) {
+      if (largest > 0) drawn.push_back(fmt::format("{} {:.4g}{}", name, largest / unit, unit_name));
+    };
+    add("bias", sigma.bias.maxCoeff(), B.si, fmt::format(" {}", B.name));
+    add("scale factor", sigma.scale_factor.maxCoeff(), 1e-6, " ppm");
+    add("asymmetry", sigma.scale_factor_asymmetry.maxCoeff(), 1e-6, " ppm");
+    if (!sigma.quadratic.isZero(0.0) || !sigma.cubic.isZero(0.0)) drawn.emplace_back("nonlinearity");
+    add("misalignment", sigma.misalignment.maxCoeff(), 1e-3, " mrad");
+    add("sensitivity", sigma.g_sensitivity.maxCoeff(), B.si / units::standard_gravity, fmt::format(" {}/g", B.name));
+    if (!sigma.temperature_bias.isZero(0.0) || !sigma.temperature_scale.isZero(0.0))
+      drawn.emplace_back("response to temperature");
+    if (!drawn.empty()) parts.push_back(fmt::format("drawn {}: {}", when, fmt::join(drawn, ", ")));
+  };
+  add_drawn("for the unit", unit_sigma);
+  add_drawn("at power on", turn_on_sigma);
   return fmt::format("{}", fmt::join(parts, ", "));
 }
 
@@ -51,7 +68,9 @@ std::vector<TriadTerms> triad_terms(const ImuModel& model) {
            {deg / hour, "arcsec"},
            {deg / hour / hour, "deg/h/h"},
            model.gyro.turn_on_bias,
-           model.gyro.g_sensitivity},
+           model.gyro.g_sensitivity,
+           model.gyro.unit_sigma,
+           model.gyro.turn_on_sigma},
           {"accelerometer",
            allan_terms(model.accelerometer, rate_hz),
            {1 / root_hour, "m/s/sqrt(h)"},
@@ -60,7 +79,9 @@ std::vector<TriadTerms> triad_terms(const ImuModel& model) {
            {1, "m/s"},
            {mg / hour, "mg/h"},
            model.accelerometer.turn_on_bias,
-           model.accelerometer.g_sensitivity}};
+           model.accelerometer.g_sensitivity,
+           model.accelerometer.unit_sigma,
+           model.accelerometer.turn_on_sigma}};
 }
 
 namespace {

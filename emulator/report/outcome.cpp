@@ -114,7 +114,7 @@ void Outcome::judge_faults(std::vector<FaultOutcome> all, bool is_repeated) {
 void check_figures(std::span<const Requirement> requirements, const Config& config) {
   Summary names;
   for (const ImuConfig& imu : config.imus)
-    names.imus.push_back({imu.name, {}, device_counts(DeviceCounters(imu.protocol->counters)), 0});
+    names.imus.push_back({imu.name, {}, device_counts(DeviceCounters(imu.protocol->counters)), 0, {}});
   for (const Requirement& requirement : requirements)
     if (!find_count(names, requirement.figure))
       throw RequirementError(fmt::format("\"{}\": there is no figure {}; there are {}", requirement.text,

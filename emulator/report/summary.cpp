@@ -36,7 +36,7 @@ Summary summarize(const RunCounters& counters, double duration_s, const std::vec
   if (span_s > 0) summary.truth.rate_hz = static_cast<double>(accepted - 1) / span_s;
   for (std::size_t i = 0; i < counters.imus.size(); ++i) {
     const auto& [name, imu] = counters.imus[i];
-    summary.imus.push_back({name, Snapshot(*imu), device_counts(imu->device), line_loads[i]});
+    summary.imus.push_back({name, Snapshot(*imu), device_counts(imu->device), line_loads[i], {}});
   }
   summary.has_record = counters.record != nullptr;
   if (summary.has_record) summary.record = Snapshot(*counters.record);
@@ -249,6 +249,13 @@ std::string text(const Summary& s) {
       out += fmt::format("; replies after {}", Percentiles(replies).text());
     if (imu.line_load_percent > 0) out += fmt::format("; line {:.1f} %", imu.line_load_percent);
     out += "\n";
+    for (const DrawnTerms& drawn : imu.drawn) {
+      std::vector<std::string> terms;
+      for (const auto& [name, values] : drawn.terms)
+        terms.push_back(fmt::format("{} [{:.3g}]", name, fmt::join(values, ", ")));
+      out += fmt::format("         {}, drawn {}, SI: {}\n", drawn.sensor,
+                         drawn.layer == "unit" ? "for the unit" : "at power on", fmt::join(terms, ", "));
+    }
   }
   if (s.has_record) out += fmt::format("{:<8} {}\n", "record", counts_text(s.record, where));
   if (s.control.total() > 0) out += fmt::format("{:<8} {}\n", "control", counts_text(s.control, where));
@@ -357,6 +364,9 @@ std::string json(const Summary& s, JsonLayout layout) {
     for (const DeviceCount& figure : imu.device) object[std::string(figure.key)] = figure.count;
     add_estimates(object, imu.counters);
     if (imu.line_load_percent > 0) object["line_load_percent"] = imu.line_load_percent;
+    for (const DrawnTerms& drawn : imu.drawn)
+      for (const auto& [name, values] : drawn.terms)
+        object["drawn"][std::string(drawn.sensor)][std::string(drawn.layer)][std::string(name)] = values;
   }
   nlohmann::ordered_json all = {{"duration_s", s.duration_s}, {"simulated_s", s.simulated_s}};
   if (s.whole) add(all, *s.whole);

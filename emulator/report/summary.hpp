@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "emulator/ground/counters.hpp"
+#include "emulator/ground/drawn_terms.hpp"
 #include "emulator/report/outcome.hpp"
 
 namespace imud {
@@ -49,7 +50,8 @@ struct Summary {
     std::string name;
     Snapshot<ImuCounters> counters;  // its durations are empty in `lockstep` and `fast`
     std::vector<DeviceCount> device;
-    double line_load_percent = 0;  // 0: the line has no bit rate
+    double line_load_percent = 0;   // 0: the line has no bit rate
+    std::vector<DrawnTerms> drawn;  // in the summary of the whole run
   };
   std::vector<Imu> imus;
   bool has_record = false;          // the run is recorded

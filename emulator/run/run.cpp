@@ -135,7 +135,8 @@ std::vector<FaultLabel> labels(Engine& engine, const Config& config) {
 std::string labels(Engine& engine, const Config& config, std::string_view file) {
   std::vector<FaultLabel> all = labels(engine, config);
   add_never_begun(engine.faults().configured(), all);
-  return file.ends_with(".json") ? labels_json(all) : labels_csv(all);
+  const std::vector<DrawnLabel> drawn = drawn_labels(config.imus, config.seed);
+  return file.ends_with(".json") ? labels_json(all, drawn) : labels_csv(all, drawn);
 }
 
 }  // namespace
@@ -284,6 +285,9 @@ int run(const Config& config, const RunOptions& options) {
   Summary summary = monitor.finish(engine.intake().end_warning());
   summary.whole = {judge(summary, config, ended_by, options.required, options.repeats), config.seed, config.sha256,
                    chosen_ports()};
+  for (std::size_t i = 0; i < config.imus.size(); ++i)
+    summary.imus[i].drawn =
+        drawn_terms(config.imus[i].model, config.imus[i].seed.value_or(config.seed), config.imus[i].name);
   Outcome& outcome = summary.whole->outcome;
   outcome.expected = expected(engine.channels());
   outcome.judge_faults(fault_outcomes(engine.faults().configured(), labels(engine, config)), options.repeats);

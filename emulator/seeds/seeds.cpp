@@ -263,6 +263,8 @@ std::string Runs::end(Batch& batch, std::size_t run, Engine& engine, const std::
     for (SeedArrays::Rows& rows : std::span(batch.rows).subspan(run * imus, imus))
       if (const std::string missing = rows.finish(); !missing.empty()) outcome.shortfalls.push_back(missing);
   summary.whole = {std::move(outcome), batch.config.seed, batch.config.sha256, {}};
+  for (std::size_t i = 0; i < imus; ++i)
+    summary.imus[i].drawn = drawn_terms(batch.config.imus[i].model, batch.config.seed, batch.config.imus[i].name);
   const std::string text = json(summary, JsonLayout::line);
   if (options_.labels_file.empty()) return text;
   Json with_labels = Json::parse(text);
@@ -272,7 +274,8 @@ std::string Runs::end(Batch& batch, std::size_t run, Engine& engine, const std::
     return label.imu == fault_of_truth ? part > 0 : std::ranges::none_of(batch.config.imus, has_label);
   });
   const auto to_text = options_.labels_file.ends_with(".json") ? labels_json : labels_csv;
-  with_labels["labels"] = {{"part", part}, {"text", to_text(all, batch.config.seed)}};
+  with_labels["labels"] = {
+      {"part", part}, {"text", to_text(all, drawn_labels(batch.config.imus, batch.config.seed), batch.config.seed)}};
   return with_labels.dump();
 }
 

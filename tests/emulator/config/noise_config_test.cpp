@@ -229,6 +229,13 @@ TEST_F(NoiseConfig, ConstantErrorsAreToldToo) {
                          "accelerometer.turn_on_bias_mg=20"}));
   EXPECT_EQ(terms[0].bias_text(), "turn-on bias 3 deg/h, 8 deg/h/g by acceleration");
   EXPECT_EQ(terms[1].bias_text(), "turn-on bias 20 mg");
+  const ImuModel drawn = model(
+      {"gyro.unit_sigma={bias_deg_per_hr=[1,2,3],scale_factor_ppm=500,misalignment_mrad=1,cubic_ppm_of_range=5}",
+       "gyro.turn_on_sigma={scale_factor_ppm=20,g_sensitivity_deg_per_hr_per_g=7,temperature_scale_ppm_per_c=1}"});
+  EXPECT_EQ(
+      triad_terms(drawn)[0].bias_text(),
+      "drawn for the unit: bias 3 deg/h, scale factor 500 ppm, nonlinearity, misalignment 1 mrad, drawn at power "
+      "on: scale factor 20 ppm, sensitivity 7 deg/h/g, response to temperature");
 }
 
 // White noise and random walks of the memo's keys are told, too: P per sample at 200 Hz.
@@ -239,6 +246,31 @@ TEST_F(NoiseConfig, TermsContainTheProcessPerSample) {
   EXPECT_NEAR(allan_terms(walk.gyro, 200)[0].K, 1e-3 * std::sqrt(200.0), 1e-13);
   EXPECT_EQ(allan_terms(walk.gyro, 200)[0].N, 0);
   EXPECT_EQ(white.rate_hz, 200);
+}
+
+// Standard deviations in the units of their keys, and what a reader of the file stumbles on.
+TEST_F(NoiseConfig, StandardDeviationsAreOfTwoLayers) {
+  const ImuModel m =
+      model({"gyro.unit_sigma.bias_deg_per_hr=[1,2,3]", "gyro.unit_sigma.misalignment_mrad=[1,2,3]",
+             "gyro.unit_sigma.quadratic_ppm_of_range=100", "gyro.turn_on_sigma.scale_factor_ppm=50",
+             "accelerometer.unit_sigma.temperature_bias_mg_per_c=2", "mounting.alignment_sigma_mrad=4"});
+  EXPECT_NEAR(m.gyro.unit_sigma.bias[2], 3 * 4.84813681109536e-6, 1e-18);
+  Matrix3 misalignment;
+  misalignment << 0, 1e-3, 1e-3, 2e-3, 0, 2e-3, 3e-3, 3e-3, 0;
+  EXPECT_LT((m.gyro.unit_sigma.misalignment - misalignment).cwiseAbs().maxCoeff(), 1e-18);
+  EXPECT_NEAR(m.gyro.unit_sigma.quadratic[0] * 100, 1e-3, 1e-15);  // at the range of 10 rad/s
+  EXPECT_TRUE(m.gyro.unit_sigma.scale_factor.isZero(0.0));
+  EXPECT_NEAR(m.gyro.turn_on_sigma.scale_factor[1], 5e-5, 1e-18);
+  EXPECT_NEAR(m.accelerometer.unit_sigma.temperature_bias(0, 0), 0.0196133, 1e-12);
+  EXPECT_NEAR(m.alignment_sigma[1], 4e-3, 1e-15);
+  EXPECT_FALSE(model({}).gyro.unit_sigma.is_on());
+  for (const auto& [key, expected] :
+       {std::pair{"gyro.unit_sigma.scale_factor_ppm=-1", "gyro.unit_sigma.scale_factor_ppm: give three numbers"},
+        {"gyro.turn_on_sigma.bias_deg_per_hr=1", "gyro.turn_on_sigma.bias_deg_per_hr: unknown key"},
+        {"accelerometer.unit_sigma.g_sensitivity_deg_per_hr_per_g=1", "unknown key"},
+        {"gyro.unit_sigma=1", "gyro.unit_sigma: "},
+        {"mounting.alignment_sigma_mrad=101", "mounting.alignment_sigma_mrad: give three numbers"}})
+    EXPECT_NE(fault({key}).find(expected), std::string::npos) << fault({key});
 }
 
 // A drift leaves a product's white noise alone.

@@ -1,0 +1,62 @@
+#include "emulator/ground/drawn_terms.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include "core/effects/drawn_errors.hpp"
+
+namespace imud {
+namespace {
+
+std::vector<double> numbers(const Vector3& v) { return {v[0], v[1], v[2]}; }
+std::vector<double> numbers(const Matrix3& m) {
+  return {m(0, 0), m(0, 1), m(0, 2), m(1, 0), m(1, 1), m(1, 2), m(2, 0), m(2, 1), m(2, 2)};
+}
+
+void append(std::vector<DrawnTerms>& all, DrawnTerms drawn) {
+  if (!drawn.terms.empty()) all.push_back(std::move(drawn));
+}
+
+DrawnTerms terms_of(std::string_view sensor, std::string_view layer, const ConstantErrors& drawn) {
+  DrawnTerms all = {sensor, layer, {}};
+  const auto add = [&](std::string_view name, const auto& term) {
+    if (!term.isZero(0.0)) all.terms.emplace_back(name, numbers(term));
+  };
+  add("bias", drawn.bias);
+  add("scale_factor", drawn.scale_factor);
+  add("scale_factor_asymmetry", drawn.scale_factor_asymmetry);
+  add("quadratic", drawn.quadratic);
+  add("cubic", drawn.cubic);
+  add("misalignment", drawn.misalignment);
+  add("g_sensitivity", drawn.g_sensitivity);
+  add("temperature_scale", drawn.temperature_scale);
+  add("temperature_bias", drawn.temperature_bias);
+  return all;
+}
+
+}  // namespace
+
+std::string DrawnTerms::text() const {
+  std::vector<std::string> parts;
+  for (const auto& [name, values] : terms) parts.push_back(fmt::format("{}={}", name, fmt::join(values, ",")));
+  return fmt::format("{}", fmt::join(parts, " "));
+}
+
+std::vector<DrawnTerms> drawn_terms(const ImuModel& model, std::uint64_t seed, std::string_view imu_name) {
+  const Normals normals(seed, stream_id(imu_name));
+  std::vector<DrawnTerms> all;
+  if (const Vector3 phi = drawn_alignment(model, normals); !phi.isZero(0.0))
+    append(all, {"mounting", "unit", {{"rotation", numbers(phi)}}});
+  const auto add = [&](std::string_view sensor, const TriadErrors& errors, Quantity quantity) {
+    append(all, terms_of(sensor, "unit", drawn_for_unit(errors, quantity, normals)));
+    ConstantErrors turn_on = drawn_at_power_on(errors, quantity, normals, 0);
+    turn_on.bias = errors.turn_on_bias.cwiseProduct(normals(quantity, Process::turn_on_bias, 0));
+    append(all, terms_of(sensor, "turn_on", turn_on));
+  };
+  add("gyro", model.gyro, Quantity::rate);
+  add("accelerometer", model.accelerometer, Quantity::specific_force);
+  add("magnetometer", model.magnetometer, Quantity::magnetic_field);
+  return all;
+}
+
+}  // namespace imud
