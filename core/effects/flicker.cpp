@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/numbers/correlated_noise.hpp"
 #include "core/numbers/elementary.hpp"
 
 namespace imud {
@@ -13,6 +14,7 @@ constexpr double flat_from = 3.1;
 constexpr std::size_t min_octaves = 8;
 constexpr double ln2_over_pi = 0.22063560015265482;
 constexpr double nodes_per_correlation_time = 16;
+constexpr double nodes_at_a_low_rate = 64;  // where the first process has a sample less often than these
 
 double variance(std::size_t index, std::size_t count) noexcept {
   return index == 0 || index + 1 == count ? 2 * ln2_over_pi : ln2_over_pi;
@@ -33,15 +35,24 @@ Flicker::Flicker(const TriadErrors& errors, Quantity quantity, double period_s)
       on_(!errors.bias_instability.isZero(0.0)),
       count_(octaves(errors.flicker_from_s, errors.flicker_to_s)) {
   std::uint64_t stride = 1;
-  double time = first_correlation_time(errors.flicker_from_s);
-  while (2.0 * static_cast<double>(stride) * period_s * nodes_per_correlation_time <= time) stride *= 2;
-  for (std::size_t i = 0; i < count_; ++i, stride *= 2, time *= 2) {
+  double time = first_correlation_time(errors.flicker_from_s), within = 0;
+  const bool is_low_rate = period_s * nodes_per_correlation_time > time;
+  const double nodes = is_low_rate ? nodes_at_a_low_rate : nodes_per_correlation_time;
+  for (std::size_t i = 0; i < count_; ++i, time *= 2) {
+    while (2.0 * static_cast<double>(stride) * period_s * nodes <= time) stride *= 2;
     Octave& octave = octaves_[i];
+    const double step = static_cast<double>(stride) * period_s / time;
     octave.stride = stride;
-    octave.transition = elementary::exp(-static_cast<double>(stride) * period_s / time);
+    octave.transition = elementary::exp(-step);
     octave.stationary = std::sqrt(variance(i, count_));
     octave.driving = octave.stationary * std::sqrt(1.0 - octave.transition * octave.transition);
+    if (is_low_rate && stride == 1) {
+      const MeanOfStep mean = mean_of_step(step);
+      octave.mean_of_ends = mean.ends - 0.5;
+      within += variance(i, count_) * mean.within * mean.within;
+    }
   }
+  within_ = std::sqrt(within);
 }
 
 // Computes the process at the end of the stride that begins at node `node`.
@@ -61,12 +72,14 @@ void Flicker::begin_segment(const Normals& normals, std::uint64_t first) noexcep
 void Flicker::add_up(std::uint64_t first) noexcept {
   segment_begin_.setZero();
   slope_.setZero();
+  mean_beyond_.setZero();
   for (std::size_t i = 0; i < count_; ++i) {
     const Octave& octave = octaves_[i];
     const std::uint64_t within = first % octave.stride;
     const Vector3 per_sample = (octave.end - octave.begin) / static_cast<double>(octave.stride);
     segment_begin_ += octave.begin + static_cast<double>(within) * per_sample;
     slope_ += per_sample;
+    if (octave.mean_of_ends != 0) mean_beyond_ += octave.mean_of_ends * (octave.begin + octave.end);
   }
   segment_begin_ = instability_.cwiseProduct(segment_begin_);
   slope_ = instability_.cwiseProduct(slope_);
@@ -78,7 +91,11 @@ Flicker::Value Flicker::next(const Normals& normals, std::uint64_t k) noexcept {
   const std::uint64_t within = before % octaves_[0].stride;
   if (k == 0 || (within == 0 && before > 0)) begin_segment(normals, before);
   const Vector3 now = segment_begin_ + static_cast<double>(k == 0 ? 0 : within + 1) * slope_;
-  return {now, now - 0.5 * slope_};
+  Value value = {now, now - 0.5 * slope_};
+  if (within_ > 0 && k > 0)
+    value.mean +=
+        instability_.cwiseProduct(mean_beyond_ + within_ * normals(quantity_, Process::flicker_within_step, k));
+  return value;
 }
 
 void Flicker::seek(const Normals& normals, std::uint64_t k) noexcept {
@@ -95,7 +112,8 @@ void Flicker::continue_from(const Flicker& before, const Normals& normals, std::
   for (std::size_t i = 0; i < count_; ++i) {
     Octave& octave = octaves_[i];
     const Octave& other = before.octaves_[i];
-    if (has_same_segments && i < before.count_ && other.transition == octave.transition) {
+    if (has_same_segments && i < before.count_ && other.stride == octave.stride &&
+        other.transition == octave.transition) {
       octave.begin = other.begin;
       octave.end = other.end;
       continue;

@@ -10,6 +10,23 @@
 
 namespace imud {
 
+// Given exponentially correlated noise of standard deviation 1 at both ends of a step of x = T/Tc, its mean over the
+// step is normal, with the mean `ends` (b1 + b2) and the standard deviation `within`:
+//   ends = tanh(x/2)/x,  within = sqrt(2 (x - 2 tanh(x/2)))/x
+// (of the bridge between two values of an Ornstein-Uhlenbeck process, whose covariance is sinh u sinh(x - v)/sinh x).
+struct MeanOfStep {
+  double ends, within;
+};
+inline MeanOfStep mean_of_step(double x) noexcept {
+  if (x < 0.1) {  // the difference would cancel
+    const double square = x * x;
+    return {0.5 - square * (1.0 / 24 - square / 240),
+            std::sqrt(x * (1.0 / 6 - square * (1.0 / 60 - square * (17.0 / 10080))))};
+  }
+  const double decayed = elementary::exp(-x), half_tanh = (1 - decayed) / (1 + decayed);
+  return {half_tanh / x, std::sqrt(2 * (x - 2 * half_tanh)) / x};
+}
+
 // Stationary from the first sample (IEEE Std 952-1997, C.1.5), with samples of period T:
 //   b <- a b + s sqrt(1 - a^2) n,  a = exp(-T/Tc),  n ~ N(0, I);  b = s n in sample 0
 // Does not allocate, lock or throw; not thread-safe.

@@ -137,6 +137,38 @@ TEST(NoiseTerms, EachAloneHasItsAllanVarianceAtAnyRate) {
   EXPECT_EQ(compared, 8);
 }
 
+// Where samples are not much closer together than the correlation times, down to an averaging time of one sample: the
+// Allan deviation is within 2 % of its closed form.
+TEST(NoiseTerms, AreExactAtLowRates) {
+  constexpr std::size_t count = 200'000;
+  int compared = 0;
+  const auto compare_all = [&](const std::string& name, const TriadErrors& errors, double rate_hz, auto&& expected) {
+    const std::vector<std::vector<double>> axes = increments_of(errors, rate_hz, count);
+    for (const std::size_t m : {1U, 2U, 5U, 50U}) {
+      AllanVariance variance;
+      for (const std::vector<double>& axis : axes) variance.add(axis, m, 1 / rate_hz);
+      const double ratio = variance.value() / expected(static_cast<double>(m) / rate_hz);
+      // 5.2 standard errors: a false alarm of 2e-7 for each of 28 comparisons.
+      EXPECT_NEAR(ratio, 1, 0.04 + 5.2 * std::sqrt(2 / variance.degrees)) << name << " " << rate_hz << " Hz, " << m;
+      ++compared;
+    }
+  };
+  for (const double rate_hz : {1.0, 2.0, 5.0, 10.0, 30.0}) {
+    TriadErrors flicker;
+    flicker.bias_instability = Vector3::Constant(B);
+    flicker.flicker_from_s = std::max(1.0, 6.2001 / rate_hz);  // as the configuration has it
+    compare_all("bias instability", flicker, rate_hz, [&](double tau) {
+      return B * B * flicker_variance(flicker.flicker_from_s, flicker.flicker_to_s, tau);
+    });
+  }
+  TriadErrors correlated;
+  correlated.correlated_sigma = Vector3::Constant(sigma);
+  correlated.correlation_time = Vector3::Constant(correlation_time);
+  for (const double rate_hz : {1.0, 5.0})
+    compare_all("exponentially correlated", correlated, rate_hz, exponentially_correlated);
+  EXPECT_EQ(compared, 28);
+}
+
 TEST(NoiseTerms, AllTogetherHaveTheSumOfTheirAllanVariances) {
   TriadErrors all;
   for (const Term& term : terms()) {
@@ -249,8 +281,12 @@ TEST(NoiseTerms, IncrementsAreTheIntegralsOfTheValues) {
       }
       before = step.value;
     }
-    // A random walk's increments contain its course within the steps: 4.9 sigma of K sqrt(T^3/12) each.
-    const double within = term.name == "random walk" ? 4.9 * K * std::sqrt(1e-6 / 12 * 5000) : 1e-12 * sum.norm();
+    // A walk's increments contain its course within the steps: 4.9 sigma of K sqrt(T^3/12) each. The driving noise of
+    // an exponentially correlated process has K = sigma sqrt(2/Tc).
+    const double walk = term.name == "random walk"                ? K
+                        : term.name == "exponentially correlated" ? sigma * std::sqrt(2 / correlation_time)
+                                                                  : 0;
+    const double within = 1.001 * walk * 4.9 * std::sqrt(1e-6 / 12 * 5000) + 1e-12 * sum.norm();
     EXPECT_LT((sum - trapezoids).cwiseAbs().maxCoeff(), within) << term.name;
     EXPECT_GT(sum.norm(), 1e-9) << term.name;
   }
