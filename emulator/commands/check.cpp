@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <toml++/toml.h>
 
+#include <algorithm>
 #include <initializer_list>
 #include <nlohmann/json.hpp>
 #include <sstream>
@@ -32,9 +33,11 @@ void make_parts(const Config& config, const CheckOptions& options) {
 
 // Describes the imu's model, after a colon.
 std::string model_note(const ImuConfig& imu) {
-  if (const Preset* preset = find_preset(imu.errors_model))
-    return fmt::format(": {}; {} of its {} values are unconfirmed", preset->summary(), preset->unconfirmed().size(),
-                       preset->keys().size());
+  if (const Preset* preset = find_preset(imu.errors_model)) {
+    const std::vector<Preset::Figure> figures = preset->figures();
+    return fmt::format(": {}; {} of its {} values are unconfirmed", preset->summary(),
+                       std::ranges::count(figures, false, &Preset::Figure::is_confirmed), figures.size());
+  }
   if (imu.protocol->product == nullptr) return {};
   return imu.errors_model == "white" ? ": white noise alone" : ": none";
 }
@@ -73,7 +76,7 @@ void print_text(const std::string& path, const Config& config) {
       const std::string text = triad.text();
       fmt::print("{:<8} {} noise: {}\n", "", triad.name, text.empty() ? "none" : text);
       if (const std::string bias = triad.bias_text(); !bias.empty())
-        fmt::print("{:<8} {} bias: {}\n", "", triad.name, bias);
+        fmt::print("{:<8} {} constant errors: {}\n", "", triad.name, bias);
     }
     for (const TriadFilter& triad : triad_filters(imu.model))
       fmt::print("{:<8} {} filter{} at {} Hz: {}\n", "", triad.name, imu.device_filters ? " of the product" : "",

@@ -88,8 +88,13 @@ Json described(const Transport& transport) {
 Json described(const Preset& preset) {
   Json json = {
       {"kind", "preset"}, {"name", preset.name}, {"summary", preset.summary()}, {"document", preset.source()}};
-  json["keys"] = preset.keys();
-  json["unconfirmed"] = preset.unconfirmed();
+  json["figures"] = Json::array();
+  json["unconfirmed"] = Json::array();
+  for (const Preset::Figure& figure : preset.figures()) {
+    json["figures"].push_back({{"key", figure.key}, {"value", figure.value}, {"confidence", figure.confidence}});
+    if (!figure.note.empty()) json["figures"].back()["note"] = figure.note;
+    if (!figure.is_confirmed()) json["unconfirmed"].push_back(figure.key);
+  }
   json["toml"] = preset.text;
   return json;
 }
@@ -143,8 +148,11 @@ void print(const Json& entry) {
   }
   if (entry.contains("unconfirmed"))
     fmt::print("  {} of {} values are unconfirmed: from memory, from a secondary source, or assumed\n",
-               entry["unconfirmed"].size(), entry["keys"].size());
-  if (entry.contains("toml")) fmt::print("{}", text(entry, "toml"));
+               entry["unconfirmed"].size(), entry["figures"].size());
+  for (const Json& figure : entry.value("figures", Json::array()))
+    fmt::print("  {:<56} {:<22} {:<16}{}{}\n", text(figure, "key"), text(figure, "value"), text(figure, "confidence"),
+               figure.contains("note") ? "  " : "", text(figure, "note"));
+  if (entry.contains("figures")) fmt::print("  as a file: imud example {} --model\n", text(entry, "name"));
   const auto words = [](const Json& list) { return list.get<std::vector<std::string>>(); };
   if (entry.contains("columns")) fmt::print("  columns, by the names in the header row:\n");
   for (const Json& group : entry.value("columns", Json::array()))

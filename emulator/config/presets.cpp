@@ -45,24 +45,38 @@ Sidedness sidedness_of(const toml::table* triad) {
                                                                                          : Sidedness::two_sided;
 }
 
-// Returns the keys of the lines that contain `mark`.
-std::vector<std::string> keys_marked(std::string_view text, std::string_view mark) {
-  std::vector<std::string> keys;
-  std::string triad;
-  while (!text.empty()) {
-    const std::string_view line = text.substr(0, text.find('\n'));
-    text.remove_prefix(std::min(text.size(), line.size() + 1));
-    if (line.starts_with("[imu.")) triad = std::string(line.substr(5, line.find(']') - 5)) + ".";
-    const std::size_t equals = line.find(" = ");
-    if (!line.starts_with("#") && equals != line.npos && line.find(mark, equals) != line.npos)
-      keys.push_back(triad + std::string(line.substr(0, equals)));
-  }
-  return keys;
+// Takes the mark from the begin of a comment, and the words that separate it from the note.
+std::string_view take_confidence(std::string_view& comment, std::string_view unmarked) {
+  constexpr std::string_view mark = "unconfirmed: ";
+  if (!comment.starts_with(mark)) return unmarked;
+  comment.remove_prefix(mark.size());
+  const std::string_view words = comment.substr(0, comment.find(';'));
+  comment.remove_prefix(std::min(comment.size(), words.size() + 2));
+  return words.starts_with("secondary source") ? "secondary source"
+         : words.starts_with("assumed")        ? "assumed"
+                                               : "memory";
 }
 }  // namespace
 
-std::vector<std::string> Preset::keys() const { return keys_marked(text, ""); }
-std::vector<std::string> Preset::unconfirmed() const { return keys_marked(text, "# unconfirmed: "); }
+std::vector<Preset::Figure> Preset::figures() const {
+  std::vector<Figure> all;
+  std::string triad;
+  const std::string_view unmarked = name.ends_with(".toml") ? "not marked" : "document";
+  for (std::string_view rest = text; !rest.empty();) {
+    const std::string_view line = rest.substr(0, rest.find('\n'));
+    rest.remove_prefix(std::min(rest.size(), line.size() + 1));
+    if (line.starts_with("[imu.")) triad = std::string(line.substr(5, line.find(']') - 5)) + ".";
+    const std::size_t equals = line.find(" = ");
+    if (line.starts_with("#") || equals == line.npos) continue;
+    const std::string_view value = line.substr(equals + 3, line.find("  # ") - (equals + 3));
+    std::string_view comment;
+    if (const std::size_t at = line.find("  # "); at != line.npos) comment = line.substr(at + 4);
+    const std::string_view confidence = take_confidence(comment, unmarked);
+    all.push_back(
+        {triad + std::string(line.substr(0, equals)), std::string(value), confidence, std::string(comment)});
+  }
+  return all;
+}
 std::string_view Preset::summary() const noexcept { return comment_line(text, 0); }
 std::string_view Preset::source() const noexcept { return comment_line(text, 1); }
 

@@ -26,9 +26,15 @@ struct Preset {
 
   std::string_view summary() const noexcept;
   std::string_view source() const noexcept;
-  // Return the keys, with "gyro." or "accelerometer." before them: all keys, and keys with unconfirmed values.
-  std::vector<std::string> keys() const;
-  std::vector<std::string> unconfirmed() const;
+  // A value and where it is from: "document" of the manufacturer, "secondary source", "memory" or "assumed"; in a
+  // file of a user "not marked". The note is what its comment says beside that.
+  struct Figure {
+    std::string key, value;  // with "gyro." or "accelerometer." before the key
+    std::string_view confidence;
+    std::string note;
+    bool is_confirmed() const noexcept { return confidence == "document" || confidence == "not marked"; }
+  };
+  std::vector<Figure> figures() const;
 };
 
 // Returns all of them, sorted by name.

@@ -59,6 +59,7 @@ TEST(List, ShowsWhatAnEntryHas) {
     const std::string text = run_program("imud", {"list", name}).output;
     const auto json = nlohmann::json::parse(run_program("imud", {"list", name, "--json"}).output);
     std::vector<std::string_view> words;
+    std::vector<Preset::Figure> figures;
     std::size_t entries = 0;
     if (const Protocol* protocol = find_protocol(name)) {
       ++entries;
@@ -87,7 +88,10 @@ TEST(List, ShowsWhatAnEntryHas) {
     }
     if (const Preset* preset = find_preset(name)) {
       ++entries;
-      words.insert(words.end(), {preset->summary(), preset->source(), preset->text});
+      words.insert(words.end(), {preset->summary(), preset->source()});
+      figures = preset->figures();
+      for (const Preset::Figure& figure : figures)
+        words.insert(words.end(), {figure.key, figure.value, figure.confidence, figure.note});
     }
     EXPECT_EQ(json.size(), entries) << name;
     EXPECT_GE(words.size(), 2U);

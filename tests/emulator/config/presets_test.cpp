@@ -103,10 +103,11 @@ TEST_F(PresetsTest, TheMeanOfInternalSamplesHasMoreDigits) {
 // A mark is uniform, and every preset whose source is none of the manufacturer has it at each figure.
 TEST_F(PresetsTest, MarkWhatIsUnconfirmed) {
   for (const Preset& preset : presets()) {
-    const std::vector<std::string> keys = preset.keys(), marked = preset.unconfirmed();
-    EXPECT_GE(keys.size(), 6U) << preset.name;
+    const std::vector<Preset::Figure> figures = preset.figures();
+    EXPECT_GE(figures.size(), 6U) << preset.name;
+    const auto marked = std::ranges::count(figures, false, &Preset::Figure::is_confirmed);
     std::istringstream lines{std::string(preset.text)};
-    std::size_t with_words = 0;
+    std::ptrdiff_t with_words = 0;
     for (std::string line; std::getline(lines, line);) {
       const std::size_t comment = line.find("  # ");
       if (line.find(" = ") == line.npos || comment == line.npos) continue;
@@ -120,19 +121,38 @@ TEST_F(PresetsTest, MarkWhatIsUnconfirmed) {
         ++with_words;
       }
     }
-    EXPECT_EQ(marked.size(), with_words) << preset.name;
+    EXPECT_EQ(marked, with_words) << preset.name;
   }
-  const Preset& preset = *find_preset("adis16505-1");
-  const std::vector<std::string> marked = preset.unconfirmed();
-  const auto is_marked = [&](const char* key) {
-    return std::find(marked.begin(), marked.end(), key) != marked.end();
+}
+
+TEST_F(PresetsTest, TheirFiguresHaveAConfidence) {
+  const auto figure = [](const char* preset, const char* key) {
+    for (const Preset::Figure& one : find_preset(preset)->figures())
+      if (one.key == key) return one;
+    ADD_FAILURE() << preset << " has no " << key;
+    return Preset::Figure{};
   };
-  EXPECT_TRUE(is_marked("accelerometer.velocity_random_walk_m_per_s_per_rt_hr"));
-  EXPECT_FALSE(is_marked("gyro.angle_random_walk_deg_per_rt_hr"));
+  const Preset::Figure drift = figure("stim300", "gyro.bias_minimum_deg_per_hr");
+  EXPECT_EQ(drift.value, "0.5");
+  EXPECT_EQ(drift.confidence, "secondary source");
+  EXPECT_EQ(drift.note, "0.3 in later revisions");
+  EXPECT_EQ(figure("stim300", "gyro.unit_sigma.scale_factor_ppm").value, "500");
+  EXPECT_EQ(figure("adis16505-1", "accelerometer.velocity_random_walk_m_per_s_per_rt_hr").confidence, "memory");
+  EXPECT_EQ(figure("adis16505-1", "gyro.angle_random_walk_deg_per_rt_hr").confidence, "document");
+  EXPECT_EQ(figure("adis16505-1", "accelerometer.lsb_m_per_s2").note, "78.4/32000");
+  EXPECT_EQ(figure("mti-300", "gyro.noise_density_sidedness").confidence, "assumed");
+  EXPECT_EQ(figure("3dm-gx5-25", "gyro.low_pass_hz").confidence, "secondary source");
+  const std::string path = folder_ / "figures.toml";
+  std::ofstream(path) << "[imu.gyro]\nmax_deg_per_s = 7  # of mine\n";
+  EXPECT_EQ(figure(path.c_str(), "gyro.max_deg_per_s").confidence, "not marked");
+  EXPECT_EQ(figure(path.c_str(), "gyro.max_deg_per_s").note, "of mine");
+
   const ProgramResult list = run_program("imud", {"list", "adis16505-1"});
-  const std::string words =
-      std::to_string(marked.size()) + " of " + std::to_string(preset.keys().size()) + " values are unconfirmed";
-  EXPECT_NE(list.output.find("  " + words), std::string::npos) << list.output;
+  EXPECT_TRUE(contains(list.output, "  3 of 14 values are unconfirmed")) << list.output;
+  EXPECT_TRUE(contains(list.output,
+                       "  accelerometer.velocity_random_walk_m_per_s_per_rt_hr     0.009"
+                       "                  memory"))
+      << list.output;
 }
 
 TEST_F(PresetsTest, FitAnyProtocol) {
