@@ -3,34 +3,29 @@
 
 #include <CLI/CLI.hpp>
 #include <cstdio>
-#include <cstring>
-#include <fstream>
 #include <limits>
 #include <string>
 #include <vector>
 
 #include "core/requirement.hpp"
-#include "protocols/measurements/npy_file.hpp"
 #include "tools/allan/allan_plot.hpp"
 #include "tools/allan/allan_report.hpp"
 #include "tools/allan/preset_text.hpp"
+#include "tools/allan/recorded_input.hpp"
 #include "tools/allan/still_recording.hpp"
 #include "tools/gnuplot.hpp"
 #include "tools/input/measurement_input.hpp"
 #include "tools/number_check.hpp"
 #include "tools/output_options.hpp"
 #include "tools/program.hpp"
-#include "tools/setting_texts.hpp"
 #include "tools/stop_signal.hpp"
 #include "tools/text_output.hpp"
 #include "transports/file/output_path.hpp"
-#include "transports/port.hpp"
 
 namespace imud {
 namespace {
 
 constexpr int limit_broken = 3;
-constexpr std::string_view array_file = "npy";  // in place of a protocol
 
 struct Options {
   DecodeOptions input{.program = "imu-allan"};
@@ -73,38 +68,6 @@ void check_outputs(Options& options, const OutputOptions& outputs) {
   if (const std::string fault = outputs.claim(files); !fault.empty()) throw std::invalid_argument(fault);
 }
 
-StillRecording record_array(const Options& options) {
-  if (!options.recording.rate_hz)
-    throw std::invalid_argument("npy: the array has no time; right would be --rate-hz HZ");
-  std::ifstream file(options.input.port, std::ios::binary);
-  if (!file)
-    throw std::invalid_argument(fmt::format("{}: cannot read it: {}", options.input.port, std::strerror(errno)));
-  try {
-    const NpyArray array = read_npy(file);
-    return recording_of(array, parse_columns(options.columns, array.columns), *options.recording.rate_hz);
-  } catch (const std::runtime_error& error) {
-    throw std::runtime_error(fmt::format("{}: {}", options.input.port, error.what()));
-  }
-}
-
-StillRecording record_port(const Options& options, bool& running, std::string& ended_by) {
-  const Protocol& protocol = protocol_for(options.input);
-  const auto decoder = protocol.make_decoder(settings_from(protocol.settings, options.input.settings));
-  const auto port = open_port(options.input.port, Role::listener);
-  if (const std::string chosen = port->chosen_port(); !chosen.empty())
-    fmt::print(stderr, "imu-allan: receives at {}\n", chosen);
-  running = true;
-  StillRecorder recorder(protocol, options.recording, options.input.count);
-  ended_by = receive_all(*port, *decoder, recorder, options.input);
-  if (const auto warning = port->end_warning(); !warning.empty())
-    fmt::print(stderr, "imu-allan: {}: {}\n", options.input.port, warning);
-  const DecodeErrors& errors = decoder->errors();
-  if (errors.checksum + errors.malformed + errors.incomplete > 0)
-    fmt::print(stderr, "imu-allan: {} checksum failures, {} malformed, {} incomplete\n", errors.checksum,
-               errors.malformed, errors.incomplete);
-  return recorder.finish();
-}
-
 int analyse(Options& options, const OutputOptions& outputs, bool& running) {
   AllanReport report;
   report.protocol = options.input.protocol;
@@ -120,10 +83,10 @@ int analyse(Options& options, const OutputOptions& outputs, bool& running) {
   check_outputs(options, outputs);
 
   if (options.input.protocol == array_file) {
-    report.recording = record_array(options);
+    report.recording = recorded_array(options.input, options.recording, options.columns);
     report.ended_by = "end of input";
   } else {
-    report.recording = record_port(options, running, report.ended_by);
+    report.recording = recorded_port(options.input, options.recording, running, report.ended_by);
   }
   if (!options.against.empty()) report.against = model_terms(options.against, report.recording.rate_hz);
   running = true;

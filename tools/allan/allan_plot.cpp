@@ -19,7 +19,10 @@ std::string plot_commands(const AllanReport& report, const std::string& data, co
       "set datafile separator ','\nset logscale xy\nset format '10^{%T}'\nset grid xtics ytics mxtics mytics\n"
       "set key outside right top noenhanced\nset style fill transparent solid 0.2 noborder\n"
       "set xlabel 'averaging time in s'\n";
-  text += fmt::format("set multiplot layout {},1\n", diagrams);
+  const double rate_hz = report.recording.rate_hz;
+  const std::string title = fmt::format("{} {}: {} samples at {:.6g} Hz in {:.6g} s", report.protocol, report.port,
+                                        report.samples, rate_hz, static_cast<double>(report.samples) / rate_hz);
+  text += fmt::format("set multiplot layout {},1 title {} noenhanced\n", diagrams, quoted(title));
   const double percent = 100 * report.confidence;
   for (const bool is_rate : {true, false}) {
     const TermUnit& unit = deviation_unit(is_rate);

@@ -1,0 +1,49 @@
+#include "tools/allan/recorded_input.hpp"
+
+#include <fmt/format.h>
+
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+#include <fstream>
+#include <stdexcept>
+
+#include "protocols/measurements/npy_file.hpp"
+#include "tools/setting_texts.hpp"
+#include "transports/port.hpp"
+
+namespace imud {
+
+StillRecording recorded_array(const DecodeOptions& input, const RecordingOptions& options,
+                              const std::string& columns) {
+  if (!options.rate_hz) throw std::invalid_argument("npy: the array has no time; right would be --rate-hz HZ");
+  std::ifstream file(input.port, std::ios::binary);
+  if (!file) throw std::invalid_argument(fmt::format("{}: cannot read it: {}", input.port, std::strerror(errno)));
+  try {
+    const NpyArray array = read_npy(file);
+    return recording_of(array, parse_columns(columns, array.columns), *options.rate_hz);
+  } catch (const std::runtime_error& error) {
+    throw std::runtime_error(fmt::format("{}: {}", input.port, error.what()));
+  }
+}
+
+StillRecording recorded_port(const DecodeOptions& input, const RecordingOptions& options, bool& running,
+                             std::string& ended_by) {
+  const Protocol& protocol = protocol_for(input);
+  const auto decoder = protocol.make_decoder(settings_from(protocol.settings, input.settings));
+  const auto port = open_port(input.port, Role::listener);
+  if (const std::string chosen = port->chosen_port(); !chosen.empty())
+    fmt::print(stderr, "{}: receives at {}\n", input.program, chosen);
+  running = true;
+  StillRecorder recorder(protocol, options, input.count);
+  ended_by = receive_all(*port, *decoder, recorder, input);
+  if (const auto warning = port->end_warning(); !warning.empty())
+    fmt::print(stderr, "{}: {}: {}\n", input.program, input.port, warning);
+  const DecodeErrors& errors = decoder->errors();
+  if (errors.checksum + errors.malformed + errors.incomplete > 0)
+    fmt::print(stderr, "{}: {} checksum failures, {} malformed, {} incomplete\n", input.program, errors.checksum,
+               errors.malformed, errors.incomplete);
+  return recorder.finish();
+}
+
+}  // namespace imud
