@@ -119,6 +119,8 @@ int execute(int argc, char** argv, bool& running) {
   add(app, "--rate-hz", options.run.rate_hz, "HZ",
       "sample rate, in place of that of the samples' time or of the product's settings")
       ->check(number_check(1e-6, 1e9));
+  app.add_flag("--filter-truth", options.run.is_truth_filtered,
+               "the truth passes the sensor's own filters: the error is without their delay and attenuation");
   app.footer(
       "\nExit codes: 0 done, 1 failed while running, 2 the command line or the configuration is wrong.\n"
       "Example: imu-plot imu.toml flight.pcap --set 'imu.0.model=\"stim300\"' --plot flight.svg");

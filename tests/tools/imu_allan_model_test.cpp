@@ -89,7 +89,10 @@ TEST_F(ImuAllanModel, ThePlotHasTheCurveOfTheModel) {
   EXPECT_EQ(result.exit_code, 0) << result.errors;
   EXPECT_EQ(result.errors, "");
   std::ifstream file(folder_ / "noise.svg");
-  EXPECT_TRUE(contains(std::string(std::istreambuf_iterator<char>(file), {}), "vn-100"));
+  const std::string picture(std::istreambuf_iterator<char>(file), {});
+  EXPECT_TRUE(contains(picture, "vn-100"));
+  EXPECT_TRUE(contains(picture, "native " + port + ": 180001 samples at 100 Hz in 1800.01 s"))
+      << picture.substr(picture.find("native "), 200);
   std::ifstream data(folder_ / "noise.plot.csv");
   std::string header, row;
   std::getline(data, header);

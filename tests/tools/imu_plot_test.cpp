@@ -206,6 +206,30 @@ TEST_F(ImuPlot, AFaultIsAnError) {
   EXPECT_TRUE(contains(result.output, "gyro_x   error rms 0.7073 deg/s")) << result.output;
 }
 
+// A low-pass filter makes the values late. With --filter-truth the truth is as late, and a bias is all that is left.
+TEST_F(ImuPlot, TheTruthMayPassTheSensorsFilters) {
+  write_config(
+      "port = \"pty:imu1\"\nprotocol = \"native\"\nrate_hz = 200\nmodel = \"ideal\"\ngyro.max_rad_per_s = 10\n"
+      "accelerometer.max_g = 10\ninternal_rate_hz = 400\ngyro.low_pass_hz = 2\ngyro.bias_deg_per_s = [0, 0.5, 0]\n");
+  const auto greatest_errors = [&](std::vector<std::string> more) {
+    more.insert(more.end(), {"--seeds", "2"});
+    const auto result = plot("run.svg", more);
+    EXPECT_EQ(result.exit_code, 0) << result.errors;
+    const auto samples = columns("run.plot.csv");
+    std::vector<double> greatest;
+    for (const char* name : {"gyro_x_error", "gyro_y_error"}) {
+      double most = 0;
+      for (const double error : samples.at(name)) most = std::max(most, std::abs(error));
+      greatest.push_back(most);
+    }
+    return greatest;
+  };
+  const auto late = greatest_errors({}), filtered = greatest_errors({"--filter-truth"});
+  EXPECT_GT(late[0], 1e-4);
+  EXPECT_LT(filtered[0], 1e-12);
+  EXPECT_NEAR(filtered[1], 0.5 * units::degree, 1e-9);
+}
+
 TEST_F(ImuPlot, FilesOfOthersStay) {
   write_config(
       "port = \"pty:imu1\"\nprotocol = \"native\"\nrate_hz = 200\ngyro.max_rad_per_s = 10\naccelerometer.max_g = "

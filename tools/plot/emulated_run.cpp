@@ -68,7 +68,16 @@ StillRecording EmulatedRun::sent(std::uint64_t seed) {
 StillRecording EmulatedRun::truth() {
   Config config = config_;
   config.faults.clear();
-  config.imus.front() = ideal(config.imus.front());
+  ImuConfig& imu = config.imus.front();
+  imu = ideal(imu);
+  if (options_.is_truth_filtered) {
+    const ImuConfig& sensor = config_.imus.front();
+    imu.device_filters = sensor.device_filters;
+    imu.model.internal_samples = sensor.model.internal_samples;
+    imu.model.gyro.filter = sensor.model.gyro.filter;
+    imu.model.accelerometer.filter = sensor.model.accelerometer.filter;
+    imu.model.magnetometer.filter = sensor.model.magnetometer.filter;
+  }
   return record(config);
 }
 

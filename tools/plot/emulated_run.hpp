@@ -20,6 +20,7 @@ class EmulatedRun {
     std::string imu;                     // name; empty: the first
     std::vector<std::string> overrides;  // KEY=VALUE
     std::optional<double> rate_hz;       // in place of the rate of the samples' time, or of the settings
+    bool is_truth_filtered = false;      // the truth passes the sensor's own filters, and is as late as its values
   };
 
   // Reads the configuration. Throws as Replay does, and std::invalid_argument if it has no such imu.
