@@ -41,7 +41,7 @@ FLOORS = {
                  "web/", "run/", "seeds/", "commands/", ""],
     "tools": ["*_client.hpp duration_text.* gnuplot.* number_check.hpp output_options.hpp program.* "
               "setting_texts.hpp stop_signal.* stream_*.* text_output.*", "input/ replay/ vcan/", "arrays/", "truth/", "allan/",
-              "plot/", ""],
+              "plot/ fit/", ""],
 }
 # A folder with more files than these hides something.
 MOST_FILES = 30
