@@ -50,7 +50,7 @@ class InstallTest(unittest.TestCase):
 
     def test_what_the_programs_print(self):
         texts = []
-        for program in ("imud", "imu-decode", "imu-truth", "imu-allan", "imu-plot"):
+        for program in ("imud", "imu-decode", "imu-truth", "imu-allan", "imu-fit", "imu-plot"):
             texts.append(subprocess.run([self.prefix / "bin" / program, "--help"], capture_output=True, text=True, check=True).stdout)
         texts.append(subprocess.run([self.prefix / "bin/imud", "list"], capture_output=True, text=True, check=True).stdout)
         self.expect_installed(paths_in("\n".join(texts)), 2)
