@@ -7,9 +7,6 @@
 #include "core/numbers/dispatch.hpp"
 
 namespace imud {
-namespace {
-double internal_period_s(const ImuModel& model) noexcept { return 1.0 / (model.internal_samples * model.rate_hz); }
-}  // namespace
 
 void Imu::advance(const Timeline& timeline, TruthTime until) noexcept {
   if (run_ != Run::truth || until > timeline.newest()) return;

@@ -60,6 +60,11 @@ struct ImuModel {
   NavigationErrors navigation;
 };
 
+// Returns the period of the internal samples, s.
+inline double internal_period_s(const ImuModel& model) noexcept {
+  return 1.0 / (model.internal_samples * model.rate_hz);
+}
+
 // Returns the rotation vector by which the unit's platform differs from dcm_PB, rad.
 Vector3 drawn_alignment(const ImuModel& model, const Normals& normals) noexcept;
 

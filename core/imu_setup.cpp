@@ -17,8 +17,6 @@ ImuModel drawn_mounting(ImuModel model, const Normals& normals) {
   model.dcm_PB = exp(phi).toRotationMatrix().transpose() * model.dcm_PB;
   return model;
 }
-
-double internal_period_s(const ImuModel& model) noexcept { return 1.0 / (model.internal_samples * model.rate_hz); }
 }  // namespace
 
 Vector3 drawn_alignment(const ImuModel& model, const Normals& normals) noexcept {

@@ -14,11 +14,9 @@
 #include "tools/allan/recorded_input.hpp"
 #include "tools/allan/still_recording.hpp"
 #include "tools/gnuplot.hpp"
-#include "tools/input/measurement_input.hpp"
 #include "tools/number_check.hpp"
 #include "tools/output_options.hpp"
 #include "tools/program.hpp"
-#include "tools/stop_signal.hpp"
 #include "tools/text_output.hpp"
 #include "transports/file/output_path.hpp"
 
@@ -28,9 +26,7 @@ namespace {
 constexpr int limit_broken = 3;
 
 struct Options {
-  DecodeOptions input{.program = "imu-allan"};
-  RecordingOptions recording;
-  std::string columns;
+  RecordedInput input{.source = {.program = "imu-allan"}, .recording = {}, .columns = {}};
   std::string kind = "overlapping";
   unsigned per_decade = 0;
   double confidence = 0.68;
@@ -64,14 +60,14 @@ void check_outputs(Options& options, const OutputOptions& outputs) {
   if (!options.preset_path.empty() && !options.preset_path.ends_with(".toml"))
     throw std::invalid_argument(fmt::format("--to-config {}: right would be FILE.toml", options.preset_path));
   FilesInUse files;
-  files.add_input(options.input.port, "the input");
+  files.add_input(options.input.source.port, "the input");
   if (const std::string fault = outputs.claim(files); !fault.empty()) throw std::invalid_argument(fault);
 }
 
 int analyse(Options& options, const OutputOptions& outputs, bool& running) {
   AllanReport report;
-  report.protocol = options.input.protocol;
-  report.port = options.input.port;
+  report.protocol = options.input.source.protocol;
+  report.port = options.input.source.port;
   report.confidence = options.confidence;
   report.tolerance = options.tolerance_percent / 100;
   // A wrong name is found before the recording, not after its hour; the terms at the recording's rate come later.
@@ -82,12 +78,7 @@ int analyse(Options& options, const OutputOptions& outputs, bool& running) {
   for (const Requirement& limit : report.required) report.seen(limit);
   check_outputs(options, outputs);
 
-  if (options.input.protocol == array_file) {
-    report.recording = recorded_array(options.input, options.recording, options.columns);
-    report.ended_by = "end of input";
-  } else {
-    report.recording = recorded_port(options.input, options.recording, running, report.ended_by);
-  }
+  report.recording = record(options.input, running, report.ended_by);
   if (!options.against.empty()) report.against = model_terms(options.against, report.recording.rate_hz);
   running = true;
   report.samples = report.recording.samples();
@@ -115,19 +106,7 @@ int execute(int argc, char** argv, bool& running) {
       "imu-allan");
   app.set_version_flag("--version", "imu-allan " IMUD_VERSION);
   Options options;
-  add(app, "PROTOCOL", options.input.protocol, "",
-      "protocol of the device, see below; npy: PORT is a file of numpy.save")
-      ->required();
-  add_input_options(app, options.input);
-  add(app, "--rate-hz", options.recording.rate_hz, "HZ", "sample rate, in place of the device's clock")
-      ->check(number_check(1e-6, 1e9));
-  add(app, "--columns", options.columns, "NAMES",
-      "channels of a NumPy array's columns, such as gyro_x,gyro_y,gyro_z,-; rad/s and m/s^2");
-  app.add_flag("--increments", options.recording.increments,
-               "uses delta-angle and delta-velocity even if the protocol has rate and specific force");
-  add(app, "--max-missing", options.recording.largest_missing, "PERCENT",
-      "largest percentage of samples that may be missing; default: 0.1")
-      ->check(number_check(0, 100));
+  add_recorded_input(app, options.input);
   add(app, "--deviation", options.kind, "NAME",
       "allan, overlapping (default), modified, hadamard, overlapping-hadamard or total");
   add(app, "--per-decade", options.per_decade, "N", "averaging times per decade; default: octaves")
@@ -167,15 +146,7 @@ int execute(int argc, char** argv, bool& running) {
                   known_protocols(), known_ports()));
   if (const auto exit_code = parse(app, argc, argv)) return *exit_code;
 
-  catch_stop_signals();
-  options.input.resolve_port();
-  running = options.input.protocol == array_file;
-  try {
-    return analyse(options, outputs, running);
-  } catch (const std::invalid_argument&) {
-    running = false;
-    throw;
-  }
+  return run_on(options.input, running, [&] { return analyse(options, outputs, running); });
 }
 
 }  // namespace

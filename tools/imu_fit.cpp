@@ -12,11 +12,9 @@
 #include "tools/allan/recorded_input.hpp"
 #include "tools/fit/dwell_means.hpp"
 #include "tools/fit/fit_report.hpp"
-#include "tools/input/measurement_input.hpp"
 #include "tools/number_check.hpp"
 #include "tools/output_options.hpp"
 #include "tools/program.hpp"
-#include "tools/stop_signal.hpp"
 #include "tools/text_output.hpp"
 #include "transports/file/output_path.hpp"
 
@@ -24,9 +22,8 @@ namespace imud {
 namespace {
 
 struct Options {
-  DecodeOptions input{.program = "imu-fit"};
-  RecordingOptions recording;
-  std::string plan, columns, noise;
+  RecordedInput input{.source = {.program = "imu-fit"}, .recording = {}, .columns = {}};
+  std::string plan, noise;
   double scale_ppm = 0, angle_mrad = 0;
   std::string json_path, preset_path;
 };
@@ -59,18 +56,16 @@ int fit(const Options& options, const OutputOptions& outputs, bool& running) {
   if (!options.preset_path.empty() && !options.preset_path.ends_with(".toml"))
     throw std::invalid_argument(fmt::format("--to-config {}: right would be FILE.toml", options.preset_path));
   FilesInUse files;
-  files.add_input(options.input.port, "the input");
+  files.add_input(options.input.source.port, "the input");
   files.add_input(options.plan, "the plan");
   if (const std::string fault = outputs.claim(files); !fault.empty()) throw std::invalid_argument(fault);
 
   std::string ended_by;
-  const StillRecording recording = options.input.protocol == array_file
-                                       ? recorded_array(options.input, options.recording, options.columns)
-                                       : recorded_port(options.input, options.recording, running, ended_by);
+  const StillRecording recording = record(options.input, running, ended_by);
   running = true;
   const double reference_c = reference_temperature(dwells);
-  const FitReport report = {.protocol = options.input.protocol,
-                            .port = options.input.port,
+  const FitReport report = {.protocol = options.input.source.protocol,
+                            .port = options.input.source.port,
                             .plan = options.plan,
                             .samples = recording.samples(),
                             .dwells = dwells.size(),
@@ -96,10 +91,7 @@ int execute(int argc, char** argv, bool& running) {
       "imu-fit");
   app.set_version_flag("--version", "imu-fit " IMUD_VERSION);
   Options options;
-  add(app, "PROTOCOL", options.input.protocol, "",
-      "protocol of the device, see below; npy: PORT is a file of numpy.save")
-      ->required();
-  add_input_options(app, options.input);
+  add_recorded_input(app, options.input);
   add(app, "--dwells", options.plan, "FILE.csv",
       "begin_s, end_s, rate_x_deg_per_s, force_x_g, temperature_c, ...: what was true in each dwell, in the "
       "fixture's axes")
@@ -113,15 +105,6 @@ int execute(int argc, char** argv, bool& running) {
   add(app, "--table-angle-mrad", options.angle_mrad, "MRAD",
       "standard deviation of the attitude in each dwell; default: 0")
       ->check(number_check(0, 1e3));
-  add(app, "--rate-hz", options.recording.rate_hz, "HZ", "sample rate, in place of the device's clock")
-      ->check(number_check(1e-6, 1e9));
-  add(app, "--columns", options.columns, "NAMES",
-      "channels of a NumPy array's columns, such as gyro_x,gyro_y,gyro_z,-; rad/s and m/s^2");
-  app.add_flag("--increments", options.recording.increments,
-               "uses delta-angle and delta-velocity even if the protocol has rate and specific force");
-  add(app, "--max-missing", options.recording.largest_missing, "PERCENT",
-      "largest percentage of samples that may be missing; default: 0.1")
-      ->check(number_check(0, 100));
   OutputOptions outputs(app);
   outputs
       .add("--to-config", options.preset_path,
@@ -134,15 +117,7 @@ int execute(int argc, char** argv, bool& running) {
       "Example: imu-fit stim300 file:turns.bin --dwells turns.csv --noise stim300 --to-config mine.toml",
       known_protocols(), known_ports()));
   if (const auto exit_code = parse(app, argc, argv)) return *exit_code;
-  catch_stop_signals();
-  options.input.resolve_port();
-  running = options.input.protocol == array_file;
-  try {
-    return fit(options, outputs, running);
-  } catch (const std::invalid_argument&) {
-    running = false;
-    throw;
-  }
+  return run_on(options.input, running, [&] { return fit(options, outputs, running); });
 }
 
 }  // namespace

@@ -64,4 +64,10 @@ void write_file(const std::string& path, std::string_view text) {
   if (!output.is_open()) throw std::runtime_error(path + ": " + std::strerror(output.error()));
 }
 
+std::string on_one_line(std::string text) {
+  std::ranges::replace_if(
+      text, [](char c) { return static_cast<unsigned char>(c) < ' '; }, ' ');
+  return text;
+}
+
 }  // namespace imud

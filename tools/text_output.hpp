@@ -35,4 +35,7 @@ class TextOutput {
 // the cause.
 void write_file(const std::string& path, std::string_view text);
 
+// Returns the text with a blank in the place of each control character, for a comment's line.
+std::string on_one_line(std::string text);
+
 }  // namespace imud

@@ -15,11 +15,11 @@ constexpr std::size_t min_octaves = 8;
 constexpr double ln2_over_pi = 0.22063560015265482;
 constexpr double nodes_per_correlation_time = 16;
 constexpr double nodes_at_a_low_rate = 64;  // where the first process has a sample less often than these
+}  // namespace
 
-double variance(std::size_t index, std::size_t count) noexcept {
+double Flicker::variance(std::size_t index, std::size_t count) noexcept {
   return index == 0 || index + 1 == count ? 2 * ln2_over_pi : ln2_over_pi;
 }
-}  // namespace
 
 double Flicker::first_correlation_time(double from_s) noexcept { return from_s / flat_from; }
 

@@ -42,6 +42,8 @@ class Flicker {
   // Returns the number of processes that the averaging times need, and the correlation time of the first, s.
   static std::size_t octaves(double from_s, double to_s) noexcept;
   static double first_correlation_time(double from_s) noexcept;
+  // Returns the variance of process `index` of so many, for B = 1.
+  static double variance(std::size_t index, std::size_t count) noexcept;
 
  private:
   struct Value {

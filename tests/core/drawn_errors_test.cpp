@@ -1,5 +1,5 @@
-// What is drawn for each unit, and at each power on: the distribution of every element over many seeds, and what of
-// it a sensor shows.
+// The errors drawn for each unit, and at each power on: the distribution of every element over many seeds, and what
+// of it a sensor shows.
 #include "core/effects/drawn_errors.hpp"
 
 #include <gtest/gtest.h>

@@ -122,6 +122,13 @@ B_KEYS, B_UNITS = ("bias_instability_deg_per_hr", "bias_instability_mg"), (DEG /
 
 
 # --- The sensor at rest ---
+def write_truth(path, hours):
+    axes = [f"{q}_{a}" for q in ("r_BN_N", "v_BN_N", "omega_BN_B", "omegaDot_BN_B", "nonConservativeAccelpntB_B") for a in "xyz"]
+    rows = [",".join(["time_ns", "sigma_BN_1", "sigma_BN_2", "sigma_BN_3", *axes])]
+    rows += [f"{k * 30 * 10**9},0,0,0" + ",0" * 14 + f",{-G0}" for k in range(round(hours * 120) + 1)]
+    path.write_text("\n".join(rows) + "\n")
+
+
 def at_rest(imud, name, hours, seed=1, white=None, flicker=None):
     """Rates and specific forces (n x 3) of the product, averaged over each period. Faults to find: `white`, for each sensor factors on
     its axes' N; `flicker`, a factor on every B."""
@@ -134,10 +141,7 @@ def at_rest(imud, name, hours, seed=1, white=None, flicker=None):
             keys += f"{sensor}.{b_key} = {flicker * product.B[sensor] / b_unit}\n"
     with tempfile.TemporaryDirectory(prefix="noise") as folder:
         truth, config, sent = (Path(folder) / n for n in ("truth.csv", "imu.toml", "bytes"))
-        axes = [f"{q}_{a}" for q in ("r_BN_N", "v_BN_N", "omega_BN_B", "omegaDot_BN_B", "nonConservativeAccelpntB_B") for a in "xyz"]
-        rows = [",".join(["time_ns", "sigma_BN_1", "sigma_BN_2", "sigma_BN_3", *axes])]
-        rows += [f"{k * 30 * 10**9},0,0,0" + ",0" * 14 + f",{-G0}" for k in range(round(hours * 120) + 1)]
-        truth.write_text("\n".join(rows) + "\n")
+        write_truth(truth, hours)
         config.write_text(f'seed = {seed}\nclock = "fast"\n[truth]\nport = "file:{truth}"\nformat = "csv"\n'
                           f'[[imu]]\nport = "file:{sent}"\n{keys}')
         done = subprocess.run([imud, "run", str(config)], capture_output=True, text=True, check=False)

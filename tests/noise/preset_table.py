@@ -14,7 +14,7 @@ import tempfile
 import tomllib
 from pathlib import Path
 
-from noise_bench import ACCELEROMETER, FLAT, G0, GYRO, HOUR, SENSORS, DEG, allan_variance, np
+from noise_bench import ACCELEROMETER, FLAT, G0, GYRO, HOUR, SENSORS, DEG, allan_variance, np, write_truth
 
 HZ, SEEDS = 25, 8
 UNITS = {"deg_per_rt_hr": DEG / 60, "m_per_s_per_rt_hr": 1 / 60, "deg_per_s_per_rt_hz": DEG, "mdeg_per_s_per_rt_hz": 1e-3 * DEG,
@@ -53,10 +53,7 @@ def is_hidden(triad, N):
 def seed_of(imud, preset, seed, hours, folder):
     """Returns the values, as {sensor: n x 3}, and the increments over their period."""
     truth = folder / "truth.csv"
-    axes = [f"{q}_{a}" for q in ("r_BN_N", "v_BN_N", "omega_BN_B", "omegaDot_BN_B", "nonConservativeAccelpntB_B") for a in "xyz"]
-    rows = [",".join(["time_ns", "sigma_BN_1", "sigma_BN_2", "sigma_BN_3", *axes])]
-    rows += [f"{k * 60 * 10**9},0,0,0" + ",0" * 14 + f",{-G0}" for k in range(round(hours * 60) + 1)]
-    truth.write_text("\n".join(rows) + "\n")
+    write_truth(truth, hours)
     config = folder / "imu.toml"
     config.write_text(f'clock = "fast"\n[truth]\nport = "file:{truth}"\nformat = "csv"\n[[imu]]\nprotocol = "native"\nport = "file:x"\n'
                       f'rate_hz = {HZ}\nmodel = "{preset}"\n')

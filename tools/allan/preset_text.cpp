@@ -8,15 +8,10 @@
 #include <cmath>
 #include <numbers>
 
+#include "tools/text_output.hpp"
+
 namespace imud {
 namespace {
-
-// A name of the command line as part of a comment's line.
-std::string on_one_line(std::string text) {
-  std::ranges::replace_if(
-      text, [](char c) { return static_cast<unsigned char>(c) < ' '; }, ' ');
-  return text;
-}
 
 // Returns the line of a term; a comment if no axis has it.
 std::string term_line(const std::array<const AllanReport::Axis*, channels_per_sensor>& axes, std::size_t t,

@@ -9,10 +9,13 @@
 #include <stdexcept>
 
 #include "protocols/measurements/npy_file.hpp"
+#include "tools/number_check.hpp"
+#include "tools/program.hpp"
 #include "tools/setting_texts.hpp"
 #include "transports/port.hpp"
 
 namespace imud {
+namespace {
 
 StillRecording recorded_array(const DecodeOptions& input, const RecordingOptions& options,
                               const std::string& columns) {
@@ -44,6 +47,30 @@ StillRecording recorded_port(const DecodeOptions& input, const RecordingOptions&
     fmt::print(stderr, "{}: {} checksum failures, {} malformed, {} incomplete\n", input.program, errors.checksum,
                errors.malformed, errors.incomplete);
   return recorder.finish();
+}
+
+}  // namespace
+
+void add_recorded_input(CLI::App& app, RecordedInput& input) {
+  add(app, "PROTOCOL", input.source.protocol, "",
+      "protocol of the device, see below; npy: PORT is a file of numpy.save")
+      ->required();
+  add_input_options(app, input.source);
+  add(app, "--rate-hz", input.recording.rate_hz, "HZ", "sample rate, in place of the device's clock")
+      ->check(number_check(1e-6, 1e9));
+  add(app, "--columns", input.columns, "NAMES",
+      "channels of a NumPy array's columns, such as gyro_x,gyro_y,gyro_z,-; rad/s and m/s^2");
+  app.add_flag("--increments", input.recording.increments,
+               "uses delta-angle and delta-velocity even if the protocol has rate and specific force");
+  add(app, "--max-missing", input.recording.largest_missing, "PERCENT",
+      "largest percentage of samples that may be missing; default: 0.1")
+      ->check(number_check(0, 100));
+}
+
+StillRecording record(const RecordedInput& input, bool& running, std::string& ended_by) {
+  if (!input.is_array()) return recorded_port(input.source, input.recording, running, ended_by);
+  ended_by = "end of input";
+  return recorded_array(input.source, input.recording, input.columns);
 }
 
 }  // namespace imud

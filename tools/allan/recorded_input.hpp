@@ -1,24 +1,47 @@
 // The recording of a sensor by the command line: of a port, or of an array in a file.
 #pragma once
 
+#include <CLI/CLI.hpp>
+#include <stdexcept>
 #include <string>
 #include <string_view>
 
 #include "tools/allan/still_recording.hpp"
 #include "tools/input/measurement_input.hpp"
+#include "tools/stop_signal.hpp"
 
 namespace imud {
 
-inline constexpr std::string_view array_file = "npy";  // in place of a protocol; the port is the path
+// The part of a command line that selects a recording. The protocol "npy" stands for an array, whose path is the
+// port.
+struct RecordedInput {
+  DecodeOptions source;
+  RecordingOptions recording;
+  std::string columns;  // of an array
 
-// Throws std::invalid_argument if the file cannot be read or there is no rate, std::runtime_error if it is no
-// recording.
-StillRecording recorded_array(const DecodeOptions& input, const RecordingOptions& options,
-                              const std::string& columns);
+  bool is_array() const noexcept { return source.protocol == "npy"; }
+};
 
-// Receives as receive_all(). Sets `running` when the port is open, and `ended_by`. Reports what the decoder has not
-// understood on standard error. Throws as StillRecorder::finish().
-StillRecording recorded_port(const DecodeOptions& input, const RecordingOptions& options, bool& running,
-                             std::string& ended_by);
+// Adds PROTOCOL, PORT and the options of a recording.
+void add_recorded_input(CLI::App& app, RecordedInput& input);
+
+// Receives as receive_all(), or reads the array. Sets `running` when the port is open, and `ended_by`. Reports what
+// the decoder has not understood on standard error. Throws as StillRecorder::finish(), and std::invalid_argument if
+// the array's file cannot be read or there is no rate.
+StillRecording record(const RecordedInput& input, bool& running, std::string& ended_by);
+
+// Runs act() on the input of a parsed command line. Until the input is open, a fault is one of the command line.
+template <class Act>
+int run_on(RecordedInput& input, bool& running, Act&& act) {
+  catch_stop_signals();
+  input.source.resolve_port();
+  running = input.is_array();
+  try {
+    return act();
+  } catch (const std::invalid_argument&) {
+    running = false;
+    throw;
+  }
+}
 
 }  // namespace imud

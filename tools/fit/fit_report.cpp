@@ -3,12 +3,12 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include <algorithm>
 #include <nlohmann/json.hpp>
 #include <string_view>
 #include <vector>
 
 #include "core/units.hpp"
+#include "tools/text_output.hpp"
 
 namespace imud {
 namespace {
@@ -166,13 +166,6 @@ std::string sensor_preset(const std::optional<FitReport::Sensor>& sensor, bool i
               FitTerm::bias_by_temperature, 0, is_rate ? deg_per_hr : mg, absent);
   out += line(*sensor, "temperature_scale_ppm_per_c", FitTerm::scale_by_temperature, 0, 1e-6, absent);
   return out + "# noise: imu-allan --to-config, from a recording at rest\n";
-}
-
-// A name of the command line as part of a comment's line.
-std::string on_one_line(std::string text) {
-  std::ranges::replace_if(
-      text, [](char c) { return static_cast<unsigned char>(c) < ' '; }, ' ');
-  return text;
 }
 
 }  // namespace

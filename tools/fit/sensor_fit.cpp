@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <boost/math/distributions/chi_squared.hpp>
 #include <cmath>
-#include <numbers>
 
 #include "core/effects/flicker.hpp"
 
@@ -16,14 +15,13 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 using Index = Eigen::Index;
 
-constexpr double flicker_from_s = 1, flicker_to_s = 1000;  // the defaults of TriadErrors
-
 // The covariance of the means of two dwells, of flicker noise of B = 1.
 double flicker_covariance(const DwellMean& a, const DwellMean& b, bool is_same) {
-  const std::size_t count = Flicker::octaves(flicker_from_s, flicker_to_s);
-  double sum = 0, time = Flicker::first_correlation_time(flicker_from_s);
+  const TriadErrors band;  // from and to its own averaging times
+  const std::size_t count = Flicker::octaves(band.flicker_from_s, band.flicker_to_s);
+  double sum = 0, time = Flicker::first_correlation_time(band.flicker_from_s);
   for (std::size_t k = 0; k < count; ++k, time *= 2) {
-    const double variance = (k == 0 || k + 1 == count ? 2 : 1) * std::numbers::ln2 / std::numbers::pi;
+    const double variance = Flicker::variance(k, count);
     const double x = a.length_s / time, y = b.length_s / time;
     // The mean over a time of exponentially correlated noise, and the product of the means over two times apart.
     if (is_same)

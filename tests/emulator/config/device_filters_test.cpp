@@ -174,8 +174,8 @@ TEST(DeviceFilters, OfAVectorNavAreTheWindowsOfRegister85) {
   compare(1, 5);
 }
 
-// As delivered a single pole at half of the rate at which the quantity is sent; a host may choose another, or none. A
-// response is seen at the rate of the stream: the decoder's samples are those of the packets.
+// As delivered a single pole at half of the rate at which the quantity is sent; a host may choose another, or none.
+// The decoded samples are those of the packets, at the rate of the stream.
 TEST(DeviceFilters, OfAMipUnitHaveASinglePole) {
   TurningUnit unit(
       "mip", {"device_filters=true", "device.model=3dm-cv7-ahrs", "device.sensor_rate_hz=500",

@@ -1,4 +1,4 @@
-// What a preset's sensor shows of a slow rate: the mean over ten minutes at rest on the Earth.
+// A preset's sensor shows a slow rate in the mean over ten minutes at rest on the Earth.
 #include <gtest/gtest.h>
 
 #include <chrono>
@@ -79,7 +79,7 @@ TEST(PresetMeans, AnHG4930ShowsTheEarthsRate) {
       values += value / seeds;
       increments += increment / seeds;
     }
-    // Of 18 means over the seeds with 4.5 sigma: 1.2e-4.
+    // 4.5 sigma: one of the 18 means over the seeds is beyond it with a probability of 1.2e-4.
     const double bound = 4.5 * sigma / std::sqrt(seeds);
     for (int axis = 0; axis < 3; ++axis)
       for (const double mean : {values[axis], increments[axis]}) {
