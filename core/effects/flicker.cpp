@@ -13,7 +13,6 @@ namespace {
 constexpr double flat_from = 3.1;
 constexpr std::size_t min_octaves = 8;
 constexpr double ln2_over_pi = 0.22063560015265482;
-constexpr double nodes_per_correlation_time = 16;
 constexpr double nodes_at_a_low_rate = 64;  // where the first process has a sample less often than these
 }  // namespace
 
@@ -36,10 +35,10 @@ Flicker::Flicker(const TriadErrors& errors, Quantity quantity, double period_s)
       count_(octaves(errors.flicker_from_s, errors.flicker_to_s)) {
   std::uint64_t stride = 1;
   double time = first_correlation_time(errors.flicker_from_s), within = 0;
-  const bool is_low_rate = period_s * nodes_per_correlation_time > time;
-  const double nodes = is_low_rate ? nodes_at_a_low_rate : nodes_per_correlation_time;
+  const bool is_low_rate = period_s * nodes > time;
+  const double least_nodes = is_low_rate ? nodes_at_a_low_rate : nodes;
   for (std::size_t i = 0; i < count_; ++i, time *= 2) {
-    while (2.0 * static_cast<double>(stride) * period_s * nodes <= time) stride *= 2;
+    while (2.0 * static_cast<double>(stride) * period_s * least_nodes <= time) stride *= 2;
     Octave& octave = octaves_[i];
     const double step = static_cast<double>(stride) * period_s / time;
     octave.stride = stride;

@@ -26,6 +26,7 @@ class Flicker {
  public:
   static constexpr std::string_view name = "bias instability";
   static constexpr std::size_t max_octaves = 32;
+  static constexpr double nodes = 16;  // of a process, in its correlation time, at least
   Flicker(const TriadErrors& errors, Quantity quantity, double period_s);
   bool is_on() const noexcept { return on_; }
   void apply(TriadStep& step) noexcept {

@@ -3,6 +3,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "tools/allan/flicker_band.hpp"
+
 namespace imud {
 
 std::array<double, allan_term_count> unit_variances(AllanKind kind, const AveragingTime& time) noexcept {
@@ -24,8 +26,11 @@ std::array<double, allan_term_count> unit_variances(AllanKind kind, const Averag
   return {Q, N, B, K, R};
 }
 
-double expected_deviation(AllanKind kind, const AllanTerms& terms, const AveragingTime& time) noexcept {
-  const auto unit = unit_variances(kind, time);
+double expected_deviation(AllanKind kind, const AllanTerms& terms, const AveragingTime& time,
+                          double flicker_from_s) noexcept {
+  auto unit = unit_variances(kind, time);
+  constexpr std::size_t B = 2;
+  if (terms.B > 0) unit[B] *= flicker_share(kind, time, flicker_from_s);
   double variance = 0;
   for (std::size_t i = 0; i < allan_term_count; ++i) {
     const double value = terms.*allan_term_list[i].value;
