@@ -22,6 +22,9 @@ struct AllanFit {
   // freedom allow; 0 if they are not. It is part of the standard errors. A large one means that the recording has
   // something else than these terms: a filter, a vibration, a change of temperature.
   double misfit = 0;
+  // The averaging time from which on the flicker is flat; 0: at all averaging times, or no flicker is seen. imud's
+  // begins at bias_instability_from_s. Its uncertainty is part of the standard errors.
+  double flicker_from_s = 0;
 
   // Returns the terms seen; the others are 0.
   AllanTerms seen() const noexcept;
@@ -31,10 +34,11 @@ struct AllanFit {
 inline constexpr double false_alarm = 1e-3;
 
 // Fits the model of unit_variances() to the points of the curve from `from_s` to `to_s`, by weighted least squares in
-// which no term is negative. The weights are the degrees of freedom at the fitted variance, repeated until they
-// agree. The points' correlation, by the density of the fitted terms, is part of the standard errors. Terms that are
-// not seen are left out, beginning with the least probable. Returns no term for fewer than two points, or a deviation
-// of 0.
+// which no term is negative. If flicker is seen, so is the averaging time at which it begins, up to a hundredth of
+// the record: first without quantization, which could make up for what the flicker lacks at shorter times. The
+// weights are the degrees of freedom at the fitted variance, repeated until they agree. The points' correlation, by
+// the density of the fitted terms, is part of the standard errors. Terms that are not seen are left out, beginning
+// with the least probable. Returns no term for fewer than two points, or a deviation of 0.
 AllanFit fit_allan_terms(const AllanCurve& curve, double from_s, double to_s);
 
 }  // namespace imud

@@ -177,6 +177,9 @@ std::string AllanReport::text() const {
     const TermUnit& unit = deviation_unit(axis.is_rate());
     text += fmt::format("           lowest deviation            {:.4g} {} at {:.4g} s\n",
                         unit.factor * lowest.deviation, unit.datasheet, lowest.tau_s);
+    if (axis.fit.flicker_from_s > 0)
+      text += fmt::format("           B is flat from about {:.2g} s on, and lower at shorter averaging times\n",
+                          axis.fit.flicker_from_s);
     if (axis.fit.misfit > 0)
       text += fmt::format(
           "           the terms explain the variance only to {:.1f} %, as after a filter or with vibration; see "
@@ -206,6 +209,7 @@ std::string AllanReport::json() const {
     for (std::size_t t = 0; t < allan_term_count; ++t)
       entry[std::string(1, allan_term_list[t].letter)] = term_json(axis.fit.terms[t], term_units(axis.is_rate())[t]);
     entry["misfit"] = axis.fit.misfit;
+    entry["flicker_from_s"] = axis.fit.flicker_from_s;
     const AllanTerms terms = axis.fit.seen();
     for (const auto& point : axis.curve.points) {
       entry["tau_s"].push_back(point.tau_s);
@@ -213,7 +217,8 @@ std::string AllanReport::json() const {
       entry["confidence"].push_back({number_or_null(point.bounds.low), number_or_null(point.bounds.high)});
       entry["degrees_of_freedom"].push_back(point.degrees);
       entry["noise_exponent"].push_back(point.noise);
-      entry["fitted"].push_back(expected_deviation(axis.curve.kind, terms, axis.curve.time(point)));
+      entry["fitted"].push_back(
+          expected_deviation(axis.curve.kind, terms, axis.curve.time(point), axis.fit.flicker_from_s));
     }
     if (against) {
       const auto found = verdicts(axis);
@@ -223,8 +228,8 @@ std::string AllanReport::json() const {
         term["verdict"] = name_of(found[t].word);
       }
       for (const auto& point : axis.curve.points)
-        entry["model"].push_back(
-            expected_deviation(axis.curve.kind, against->of[axis.number], axis.curve.time(point)));
+        entry["model"].push_back(expected_deviation(axis.curve.kind, against->of[axis.number], axis.curve.time(point),
+                                                    against->flicker_from_s[axis.number]));
     }
     report["axes"][std::string(axis.name())] = std::move(entry);
   }
@@ -249,13 +254,13 @@ std::string AllanReport::csv() const {
     for (const Axis& axis : axes) {
       const auto& point = axis.curve.points[i];
       // An absent curve is an empty field, which gnuplot leaves out.
-      const auto curve = [&](const AllanTerms& terms) {
-        const double deviation = expected_deviation(axis.curve.kind, terms, axis.curve.time(point));
+      const auto curve = [&](const AllanTerms& terms, double flicker_from_s) {
+        const double deviation = expected_deviation(axis.curve.kind, terms, axis.curve.time(point), flicker_from_s);
         return deviation > 0 ? fmt::format("{}", deviation) : "";
       };
-      text +=
-          fmt::format(",{},{},{},{}", point.deviation, point.bounds.low, point.bounds.high, curve(axis.fit.seen()));
-      if (against) text += "," + curve(against->of[axis.number]);
+      text += fmt::format(",{},{},{},{}", point.deviation, point.bounds.low, point.bounds.high,
+                          curve(axis.fit.seen(), axis.fit.flicker_from_s));
+      if (against) text += "," + curve(against->of[axis.number], against->flicker_from_s[axis.number]);
     }
     text += "\n";
   }

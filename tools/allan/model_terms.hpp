@@ -10,8 +10,9 @@
 namespace imud {
 
 struct ModelTerms {
-  std::string model;                                // as given
-  std::array<AllanTerms, channel_names.size()> of;  // in the order of channel_names; in SI
+  std::string model;                                          // as given
+  std::array<AllanTerms, channel_names.size()> of;            // in the order of channel_names; in SI
+  std::array<double, channel_names.size()> flicker_from_s{};  // averaging time at which B begins
 };
 
 // Returns the terms of a preset, or of a TOML file of a user, in a sensor of this rate, as imud reads them. Throws

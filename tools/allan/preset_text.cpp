@@ -44,7 +44,8 @@ std::string term_line(const std::array<const AllanReport::Axis*, channels_per_se
 }
 
 // Returns the averaging times between which imud's flicker is to be flat: from where white noise is ten times as
-// large in each axis, to the longest of the recording, if these are beyond imud's own 1 s to 1000 s.
+// large in each axis, or from where it begins, to the longest of the recording, if these are beyond imud's own 1 s to
+// 1000 s.
 std::string flat_lines(const std::array<const AllanReport::Axis*, channels_per_sensor>& axes) {
   double from_s = 1, to_s = 1000;
   for (const AllanReport::Axis* axis : axes) {
@@ -53,7 +54,8 @@ std::string flat_lines(const std::array<const AllanReport::Axis*, channels_per_s
     if (terms.B == 0) continue;
     constexpr double least_periods = 10;
     const double white = std::pow(terms.N / terms.B, 2) / (2 * std::numbers::ln2 / std::numbers::pi);
-    from_s = std::min(from_s, std::max(white / 100, least_periods * axis->curve.period_s));
+    from_s =
+        std::min(from_s, std::max({white / 100, least_periods * axis->curve.period_s, axis->fit.flicker_from_s}));
     to_s = std::max(to_s, axis->curve.points.back().tau_s);
   }
   std::string text;
