@@ -22,12 +22,8 @@ class FlickerBand {
   double density(double f) const noexcept;
 
  private:
-  // Relative to variance and correlation time T, at 2 pi f T = x, with so many nodes in T.
-  double process(double x, double nodes) const noexcept;
-
-  double time_;   // s, correlation time of the first process
-  double nodes_;  // of the first process
-  bool is_linear_;
+  double time_;  // s, correlation time of the first process
+  double period_;
 };
 
 // Returns the variance of flicker of this band at an averaging time relative to (2 ln2/pi) B^2, or to its counterpart
