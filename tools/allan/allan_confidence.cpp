@@ -6,8 +6,6 @@
 #include <boost/math/special_functions/binomial.hpp>
 #include <cmath>
 #include <limits>
-#include <numeric>
-#include <vector>
 
 namespace imud {
 namespace {
@@ -152,52 +150,107 @@ double white_phase_degrees(int order, const Estimator& e) {
   return e.M / sum;
 }
 
-double least_squares_slope(const std::vector<double>& y, double mean) noexcept {
-  const double middle = static_cast<double>(y.size() - 1) / 2;
-  double xy = 0, xx = 0;
-  for (std::size_t i = 0; i < y.size(); ++i) {
-    const double x = static_cast<double>(i) - middle;
-    xy += x * (y[i] - mean);
-    xx += x * x;
-  }
-  return xy / xx;
-}
+// The averages of a phase over a factor, times the factor.
+class Averages {
+ public:
+  Averages(std::span<const double> phase, std::size_t factor, const ResidentPages& resident) noexcept
+      : phase_(phase), factor_(factor), resident_(resident), count_((phase.size() - 1) / factor) {}
+  std::size_t count() const noexcept { return count_; }
 
-double mean_of(const std::vector<double>& y) noexcept {
-  return std::accumulate(y.begin(), y.end(), 0.0) / static_cast<double>(y.size());
-}
+  // Subtracts the linear trend by least squares.
+  void remove_trend() noexcept {
+    const auto count = static_cast<double>(count_);
+    const double mean = (phase_[count_ * factor_] - phase_[0]) / count, middle = (count - 1) / 2;
+    double xy = 0;
+    for_each_block(0, [&](std::size_t first, std::span<const double> y) {
+      const double x = static_cast<double>(first) - middle;
+      xy += sum(y.size(), [&](std::size_t i) { return (x + static_cast<double>(i)) * (y[i] - mean); });
+    });
+    slope_ = xy / (count * (count * count - 1) / 12);
+  }
+  // Returns the lag-1 autocorrelation of their differences of an order from 0 to 2; nullopt if they are constant.
+  std::optional<double> correlation(std::size_t order) const noexcept {
+    const std::size_t count = count_ - order;
+    const auto n = static_cast<double>(count);
+    const double center = order == 0 ? (phase_[count_ * factor_] - phase_[0]) / n - slope_ * (n - 1) / 2
+                                     : (difference(order - 1, count) - difference(order - 1, 0)) / n;
+    double products = 0, squares = 0, last = 0;
+    for_each_block(order, [&](std::size_t first, std::span<const double> y) {
+      squares += sum(y.size(), [&](std::size_t i) { return (y[i] - center) * (y[i] - center); });
+      if (first > 0) products += (y[0] - center) * last;
+      products += sum(y.size() - 1, [&](std::size_t i) { return (y[i + 1] - center) * (y[i] - center); });
+      last = y.back() - center;
+    });
+    if (!(squares > 0)) return std::nullopt;
+    return products / squares;
+  }
+
+ private:
+  double average(std::size_t i) const noexcept {
+    return phase_[(i + 1) * factor_] - phase_[i * factor_] - slope_ * static_cast<double>(i);
+  }
+  double difference(std::size_t order, std::size_t i) const noexcept {
+    if (order == 0) return average(i);
+    if (order == 1) return average(i + 1) - average(i);
+    return (average(i + 2) - average(i + 1)) - (average(i + 1) - average(i));
+  }
+  // Four sums at once keep the processor's pipeline busy.
+  template <class Value>
+  static double sum(std::size_t count, Value&& value) noexcept {
+    std::array<double, 4> sums{};
+    std::size_t i = 0;
+    for (; i + sums.size() <= count; i += sums.size())
+      for (std::size_t k = 0; k < sums.size(); ++k) sums[k] += value(i + k);
+    for (; i < count; ++i) sums[0] += value(i);
+    return (sums[0] + sums[1]) + (sums[2] + sums[3]);
+  }
+  // Calls act(first, differences) for the differences of an order from number `first` on.
+  template <class Act>
+  void for_each_block(std::size_t order, Act&& act) const {
+    constexpr std::size_t around = 65536;  // bytes that the system maps about an address
+    std::array<double, 512> values;
+    for (std::size_t first = 0; first < count_ - order; first += values.size()) {
+      const std::size_t size = std::min(values.size(), count_ - order - first);
+      const auto number = static_cast<double>(first);
+      if (order == 0)
+        for (int i = 0; i < static_cast<int>(size); ++i) {
+          const double* begin = phase_.data() + (first + static_cast<std::size_t>(i)) * factor_;
+          values[static_cast<std::size_t>(i)] = begin[factor_] - begin[0] - slope_ * (number + i);
+        }
+      else
+        for (std::size_t i = 0; i < size; ++i) values[i] = difference(order, first + i);
+      act(first, std::span<const double>(values).first(size));
+      resident_.touched(size * std::min(factor_ * sizeof(double), around));
+    }
+  }
+
+  std::span<const double> phase_;
+  std::size_t factor_;
+  const ResidentPages& resident_;
+  std::size_t count_;
+  double slope_ = 0;
+};
 
 }  // namespace
 
 int reddest_noise(AllanKind kind) noexcept { return is_hadamard(kind) ? -4 : -2; }
 
-std::optional<int> identify_noise(AllanKind kind, std::span<const double> phase, std::size_t factor) {
+std::optional<int> identify_noise(AllanKind kind, std::span<const double> phase, std::size_t factor,
+                                  const ResidentPages& resident) {
   constexpr std::size_t least_averages = 30;
   constexpr int most_differences = 2;
   if (phase.empty() || (phase.size() - 1) / factor < least_averages) return std::nullopt;
-  std::vector<double> y((phase.size() - 1) / factor);
-  for (std::size_t i = 0; i < y.size(); ++i) y[i] = phase[(i + 1) * factor] - phase[i * factor];
-  const double mean = mean_of(y);
-  const double slope = least_squares_slope(y, mean);
-  for (std::size_t i = 0; i < y.size(); ++i) y[i] -= slope * static_cast<double>(i);
-
+  Averages averages(phase, factor, resident);
+  averages.remove_trend();
   for (int differences = 0;; ++differences) {
-    const double center = mean_of(y);
-    double products = 0, squares = 0;
-    for (std::size_t i = 0; i < y.size(); ++i) {
-      squares += (y[i] - center) * (y[i] - center);
-      if (i > 0) products += (y[i] - center) * (y[i - 1] - center);
-    }
-    if (!(squares > 0)) return std::nullopt;
-    const double correlation = products / squares;
-    const double half_exponent = correlation / (1 + correlation);
+    const auto correlation = averages.correlation(static_cast<std::size_t>(differences));
+    if (!correlation) return std::nullopt;
+    const double half_exponent = *correlation / (1 + *correlation);
     if (half_exponent < 0.25 || differences == most_differences) {
       const double alpha = -2 * (half_exponent + differences);
       return static_cast<int>(std::lround(
           std::clamp(alpha, static_cast<double>(reddest_noise(kind)), static_cast<double>(whitest_noise))));
     }
-    for (std::size_t i = 0; i + 1 < y.size(); ++i) y[i] = y[i + 1] - y[i];
-    y.pop_back();
   }
 }
 

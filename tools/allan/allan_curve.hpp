@@ -2,12 +2,12 @@
 #pragma once
 
 #include <cstddef>
-#include <span>
 #include <vector>
 
 #include "tools/allan/allan_confidence.hpp"
 #include "tools/allan/allan_deviation.hpp"
 #include "tools/allan/allan_term_list.hpp"
+#include "tools/allan/sample_store.hpp"
 
 namespace imud {
 
@@ -36,8 +36,9 @@ struct AllanCurve {
 std::size_t largest_curve_factor(AllanKind kind, std::size_t samples) noexcept;
 
 // Computes the curve of equally spaced rates, finite and at least 4 of them. per_decade: see averaging_factors().
-// A noise type that cannot be identified is taken from the averaging time before, at first white.
-AllanCurve allan_curve(AllanKind kind, std::span<const double> rates, double rate_hz, unsigned per_decade,
+// The phase is stored as the rates are: in memory, or in a temporary file. A noise type that cannot be identified is
+// taken from the averaging time before, at first white.
+AllanCurve allan_curve(AllanKind kind, const SampleStore& rates, double rate_hz, unsigned per_decade,
                        double confidence);
 
 }  // namespace imud

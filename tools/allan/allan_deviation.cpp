@@ -1,7 +1,11 @@
 #include "tools/allan/allan_deviation.hpp"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
+#include <optional>
+
+#include "core/numbers/dispatch.hpp"
 
 namespace imud {
 namespace {
@@ -20,49 +24,143 @@ class CompensatedSum {
   double sum_ = 0, lost_ = 0;
 };
 
-// Returns the sum of the squares of difference(i) for i from `begin` up to `end` in steps of `stride`. Four sums at
-// once keep the processor's pipeline busy, which a single one does not.
+// Returns the sum of the squares of difference(i) for i from `begin` up to `end` in steps of `stride`. Several sums
+// at once keep the processor's pipeline busy, which a single one does not.
 template <class Difference>
-double sum_of_squares(std::size_t begin, std::size_t end, std::size_t stride, Difference difference) noexcept {
-  std::array<double, 4> sums{};
+inline double sum_of_squares(std::size_t begin, std::size_t end, std::size_t stride, Difference difference) noexcept {
+  constexpr std::size_t lanes = 8;
+  std::array<double, lanes> sums{};
   std::size_t i = begin;
-  for (; end - begin > 3 * stride && i < end - 3 * stride; i += 4 * stride) {
-    for (std::size_t k = 0; k < sums.size(); ++k) {
+  for (; end > (lanes - 1) * stride && i < end - (lanes - 1) * stride; i += lanes * stride) {
+    for (std::size_t k = 0; k < lanes; ++k) {
       const double d = difference(i + k * stride);
       sums[k] += d * d;
     }
   }
   for (; i < end; i += stride) sums[0] += difference(i) * difference(i);
-  return (sums[0] + sums[1]) + (sums[2] + sums[3]);
+  return ((sums[0] + sums[1]) + (sums[2] + sums[3])) + ((sums[4] + sums[5]) + (sums[6] + sums[7]));
 }
 
-// The sum of squared second differences of the phase's averages over m points: SP1065 (13).
-double modified_sum(const double* x, std::size_t m, std::size_t count) noexcept {
-  CompensatedSum window;
-  for (std::size_t i = 0; i < m; ++i) {
-    window.add(x[i + 2 * m] - x[i + m]);
-    window.add(x[i] - x[i + m]);
-  }
-  double sum = 0;
-  for (std::size_t j = 0;; ++j) {
-    const double d = window.value() / static_cast<double>(m);
-    sum += d * d;
-    if (j + 1 == count) return sum;
-    window.add((x[j + 3 * m] - x[j + 2 * m]) - 2 * (x[j + 2 * m] - x[j + m]) + (x[j + m] - x[j]));
-  }
+IMUD_DISPATCHED double second_differences(const double* x, std::size_t m, std::size_t begin, std::size_t end) {
+  return sum_of_squares(begin, end, 1, [=](std::size_t i) { return (x[i + 2 * m] - x[i + m]) - (x[i + m] - x[i]); });
+}
+IMUD_DISPATCHED double third_differences(const double* x, std::size_t m, std::size_t begin, std::size_t end) {
+  return sum_of_squares(begin, end, 1, [=](std::size_t i) {
+    return (x[i + 3 * m] - x[i + 2 * m]) - 2 * (x[i + 2 * m] - x[i + m]) + (x[i + m] - x[i]);
+  });
 }
 
-// The sum of squared second differences about every inner point, where the phase is continued beyond its ends by
-// reflection: SP1065 (25).
-double total_sum(std::span<const double> x, std::size_t m) noexcept {
+// The sum of squared second differences of the phase's averages over m points: SP1065 (13). It is continued from
+// point to point.
+class ModifiedSum {
+ public:
+  ModifiedSum(const double* x, std::size_t m, const ResidentPages& resident) noexcept : x_(x), m_(m) {
+    constexpr std::size_t points = 4096;
+    for (std::size_t i = 0; i < m; ++i) {
+      window_.add(x[i + 2 * m] - x[i + m]);
+      window_.add(x[i] - x[i + m]);
+      if (i % points == 0) resident.touched(3 * points * sizeof(double));
+    }
+  }
+  // Returns the sum over the points from `begin`, where the last call ended, up to `end`.
+  double next(std::size_t begin, std::size_t end) noexcept {
+    const double* x = x_;
+    const std::size_t m = m_;
+    double sum = 0;
+    for (std::size_t j = begin; j < end; ++j) {
+      if (j > 0)
+        window_.add((x[j - 1 + 3 * m] - x[j - 1 + 2 * m]) - 2 * (x[j - 1 + 2 * m] - x[j - 1 + m]) +
+                    (x[j - 1 + m] - x[j - 1]));
+      const double d = window_.value() / static_cast<double>(m);
+      sum += d * d;
+    }
+    return sum;
+  }
+
+ private:
+  const double* x_;
+  std::size_t m_;
+  CompensatedSum window_;
+};
+
+// The sum of squared second differences about the inner points from `begin` to `end`, where the phase is continued
+// beyond its ends by reflection: SP1065 (25).
+double total_sum(std::span<const double> x, std::size_t m, std::size_t begin, std::size_t end) noexcept {
   const std::size_t last = x.size() - 1;
   const auto before = [&](std::size_t i) { return i >= m ? x[i - m] : 2 * x[0] - x[m - i]; };
   const auto after = [&](std::size_t i) { return i + m <= last ? x[i + m] : 2 * x[last] - x[2 * last - i - m]; };
-  return sum_of_squares(1, last, 1, [&](std::size_t i) { return before(i) - 2 * x[i] + after(i); });
+  return sum_of_squares(begin, end, 1, [&](std::size_t i) { return before(i) - 2 * x[i] + after(i); });
 }
 
 std::size_t stride_of(AllanKind kind, std::size_t factor) noexcept {
   return kind == AllanKind::allan || kind == AllanKind::hadamard ? factor : 1;
+}
+
+// Sums the squares of a deviation's differences in pieces, in ascending order.
+class Differences {
+ public:
+  Differences(AllanKind kind, std::span<const double> phase, std::size_t m, const ResidentPages& resident)
+      : kind_(kind), phase_(phase), m_(m), count_(difference_count(kind, phase.size(), m)) {
+    if (kind == AllanKind::modified && count_ > 0) modified_.emplace(phase.data(), m, resident);
+  }
+
+  // Adds the differences that begin (total: whose middle is) at the points from `begin` up to `end`.
+  void add(std::size_t begin, std::size_t end) noexcept {
+    const double* x = phase_.data();
+    const std::size_t m = m_, stride = stride_of(kind_, m);
+    if (count_ == 0) return;
+    if (kind_ == AllanKind::total) {
+      begin = std::max<std::size_t>(begin, 1);
+      end = std::min(end, phase_.size() - 1);
+      if (begin < end) sum_.add(total_sum(phase_, m, begin, end));
+      return;
+    }
+    begin = (begin + stride - 1) / stride * stride;
+    end = std::min(end, (count_ - 1) * stride + 1);
+    if (begin >= end) return;
+    if (kind_ == AllanKind::modified)
+      sum_.add(modified_->next(begin, end));
+    else if (stride == 1)
+      sum_.add(is_hadamard(kind_) ? third_differences(x, m, begin, end) : second_differences(x, m, begin, end));
+    else if (is_hadamard(kind_))
+      sum_.add(sum_of_squares(begin, end, stride, [=](std::size_t i) {
+        return (x[i + 3 * m] - x[i + 2 * m]) - 2 * (x[i + 2 * m] - x[i + m]) + (x[i + m] - x[i]);
+      }));
+    else
+      sum_.add(sum_of_squares(begin, end, stride,
+                              [=](std::size_t i) { return (x[i + 2 * m] - x[i + m]) - (x[i + m] - x[i]); }));
+  }
+  double deviation() const noexcept {
+    if (count_ == 0) return 0;
+    const double divisor = is_hadamard(kind_) ? 6 : 2;
+    return std::sqrt(sum_.value() / (divisor * static_cast<double>(count_))) / static_cast<double>(m_);
+  }
+
+ private:
+  AllanKind kind_;
+  std::span<const double> phase_;
+  std::size_t m_, count_;
+  CompensatedSum sum_;
+  std::optional<ModifiedSum> modified_;
+};
+
+// Calls add(phase), the mean being subtracted, for each point of the phase.
+template <class Add>
+void integrate(std::span<const double> rates, const ResidentPages& resident, Add&& add) {
+  constexpr std::size_t points = 4096;
+  CompensatedSum sum;
+  for (std::size_t i = 0; i < rates.size(); ++i) {
+    sum.add(rates[i]);
+    if (i % points == 0) resident.touched(points * sizeof(double));
+  }
+  const double mean = sum.value() / static_cast<double>(rates.size());
+  CompensatedSum angle;
+  add(0.0);
+  for (std::size_t i = 0; i < rates.size(); ++i) {
+    angle.add(rates[i] - mean);
+    add(angle.value());
+    if (i % points == 0) resident.touched(points * sizeof(double));
+  }
 }
 
 }  // namespace
@@ -86,18 +184,17 @@ std::string_view name_of(AllanKind kind) noexcept {
 }
 
 std::vector<double> phase_of(std::span<const double> rates) {
-  if (rates.empty()) return {};
-  CompensatedSum sum;
-  for (const double rate : rates) sum.add(rate);
-  const double mean = sum.value() / static_cast<double>(rates.size());
   std::vector<double> phase;
+  if (rates.empty()) return phase;
   phase.reserve(rates.size() + 1);
-  CompensatedSum angle;
-  phase.push_back(0);
-  for (const double rate : rates) {
-    angle.add(rate - mean);
-    phase.push_back(angle.value());
-  }
+  integrate(rates, {}, [&](double angle) { phase.push_back(angle); });
+  return phase;
+}
+
+SampleStore stored_phase_of(const SampleStore& rates) {
+  SampleStore phase;
+  if (rates.size() > 0) integrate(rates, rates.pages(), [&](double angle) { phase.push_back(angle); });
+  phase.finish();
   return phase;
 }
 
@@ -114,24 +211,25 @@ std::size_t difference_count(AllanKind kind, std::size_t points, std::size_t fac
 }
 
 double allan_deviation(AllanKind kind, std::span<const double> phase, std::size_t factor) noexcept {
-  const double* x = phase.data();
-  const std::size_t m = factor;
-  const std::size_t count = difference_count(kind, phase.size(), m);
-  if (count == 0) return 0;
-  double sum = 0;
-  if (kind == AllanKind::modified)
-    sum = modified_sum(x, m, count);
-  else if (kind == AllanKind::total)
-    sum = total_sum(phase, m);
-  else if (is_hadamard(kind))
-    sum = sum_of_squares(0, phase.size() - 3 * m, stride_of(kind, m), [=](std::size_t i) {
-      return (x[i + 3 * m] - x[i + 2 * m]) - 2 * (x[i + 2 * m] - x[i + m]) + (x[i + m] - x[i]);
-    });
-  else
-    sum = sum_of_squares(0, phase.size() - 2 * m, stride_of(kind, m),
-                         [=](std::size_t i) { return (x[i + 2 * m] - x[i + m]) - (x[i + m] - x[i]); });
-  const double divisor = is_hadamard(kind) ? 6 : 2;
-  return std::sqrt(sum / (divisor * static_cast<double>(count))) / static_cast<double>(m);
+  Differences differences(kind, phase, factor, {});
+  differences.add(0, phase.size());
+  return differences.deviation();
+}
+
+std::vector<double> allan_deviations(AllanKind kind, std::span<const double> phase,
+                                     std::span<const std::size_t> factors, const ResidentPages& resident) {
+  constexpr std::size_t piece = 1U << 14U;  // points: the differences of short factors stay in the second-level cache
+  std::vector<Differences> all;
+  for (const std::size_t factor : factors) all.emplace_back(kind, phase, factor, resident);
+  for (std::size_t begin = 0; begin < phase.size(); begin += piece)
+    for (std::size_t i = 0; i < all.size(); ++i) {
+      all[i].add(begin, begin + piece);
+      const bool is_far = factors[i] > piece || i == 0;
+      if (is_far) resident.touched((order_of(kind) + 1) * piece * sizeof(double));
+    }
+  std::vector<double> deviations;
+  for (const Differences& differences : all) deviations.push_back(differences.deviation());
+  return deviations;
 }
 
 std::vector<std::size_t> averaging_factors(std::size_t largest, unsigned per_decade) {

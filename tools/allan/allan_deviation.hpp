@@ -11,6 +11,8 @@
 #include <string_view>
 #include <vector>
 
+#include "tools/allan/sample_store.hpp"
+
 namespace imud {
 
 enum class AllanKind : std::uint8_t {
@@ -39,6 +41,8 @@ std::string_view name_of(AllanKind kind) noexcept;
 // first is 0. The mean has no effect on any deviation; without it, and by compensated summation, each element is
 // exact to a few of its own ulps, whatever their number. Empty if there is no rate.
 std::vector<double> phase_of(std::span<const double> rates);
+// The same, in a file if it is long.
+SampleStore stored_phase_of(const SampleStore& rates);
 
 // Returns the largest averaging factor that has a deviation for so many points of phase; 0: none has.
 std::size_t largest_factor(AllanKind kind, std::size_t points) noexcept;
@@ -49,6 +53,11 @@ std::size_t difference_count(AllanKind kind, std::size_t points, std::size_t fac
 // Returns the deviation over an averaging time of `factor` samples, in the unit of the rates. The time it takes does
 // not depend on `factor`. 1 <= factor <= largest_factor(kind, phase.size()).
 double allan_deviation(AllanKind kind, std::span<const double> phase, std::size_t factor) noexcept;
+
+// Returns the deviation of each factor, equal to allan_deviation() but for the rounding of the sums, in one pass over
+// the phase: in pieces that fit the processor's cache. `resident`: see SampleStore::pages().
+std::vector<double> allan_deviations(AllanKind kind, std::span<const double> phase,
+                                     std::span<const std::size_t> factors, const ResidentPages& resident = {});
 
 // Returns the averaging factors from 1 to `largest`: the powers of 2 if `per_decade` is 0, otherwise so many per
 // decade, rounded, each once.
