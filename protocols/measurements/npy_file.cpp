@@ -1,7 +1,6 @@
 #include "protocols/measurements/npy_file.hpp"
 
 #include <algorithm>
-#include <array>
 #include <bit>
 #include <boost/endian/conversion.hpp>
 #include <charconv>
@@ -92,7 +91,7 @@ std::string npy_header(std::span<const MeasurementColumn> columns, std::span<con
   return header + text;
 }
 
-NpyArray read_npy(std::istream& in) {
+NpyRows::NpyRows(std::istream& in) : in_(in) {
   constexpr std::size_t longest_header = 1'000'000;
   std::string begin(npy_magic.size(), '\0');
   in.read(begin.data(), static_cast<std::streamsize>(begin.size()));
@@ -104,35 +103,45 @@ NpyArray read_npy(std::istream& in) {
   const std::string header = read_bytes(in, header_size, "header");
 
   const std::string_view type = after_key(header, "descr");
-  const bool is_little = type.starts_with("'<f8'"), is_big = type.starts_with("'>f8'");
-  if (!is_little && !is_big) refuse("its type is " + printable(type.substr(0, type.find(','))) + ", not float64");
+  is_little_ = type.starts_with("'<f8'");
+  const bool is_big = type.starts_with("'>f8'");
+  if (!is_little_ && !is_big) refuse("its type is " + printable(type.substr(0, type.find(','))) + ", not float64");
   const std::vector<std::size_t> shape = read_shape(after_key(header, "shape"));
   if (shape.empty() || shape.size() > 2) refuse("it has " + std::to_string(shape.size()) + " dimensions, not 1 or 2");
-  NpyArray array;
-  array.rows = shape[0];
-  array.columns = shape.size() == 2 ? shape[1] : 1;
-  if (array.rows == 0 || array.columns == 0) refuse("it is empty");
-  if (array.columns > 1000 || array.rows > std::numeric_limits<std::size_t>::max() / 8000)
-    refuse("its shape is " + std::to_string(array.rows) + " x " + std::to_string(array.columns));
-  if (!after_key(header, "fortran_order").starts_with("False") && array.columns > 1)
+  rows_ = shape[0];
+  columns_ = shape.size() == 2 ? shape[1] : 1;
+  if (rows_ == 0 || columns_ == 0) refuse("it is empty");
+  if (columns_ > 1000 || rows_ > std::numeric_limits<std::size_t>::max() / 8000)
+    refuse("its shape is " + std::to_string(rows_) + " x " + std::to_string(columns_));
+  if (!after_key(header, "fortran_order").starts_with("False") && columns_ > 1)
     throw std::runtime_error(
         "it is in Fortran order; right would be a file of numpy.save(FILE, numpy.ascontiguousarray(array))");
+}
 
-  const std::size_t count = array.rows * array.columns;
-  std::array<double, 8192> block;
-  while (array.values.size() < count) {
-    const std::size_t wanted = std::min(block.size(), count - array.values.size());
-    in.read(reinterpret_cast<char*>(block.data()), static_cast<std::streamsize>(wanted * sizeof(double)));
-    if (static_cast<std::size_t>(in.gcount()) != wanted * sizeof(double))
-      refuse("the file ends before row " + std::to_string((array.values.size() + wanted) / array.columns));
-    if (is_little)
-      for (double& value : block) boost::endian::little_to_native_inplace(reinterpret_cast<std::uint64_t&>(value));
-    else
-      for (double& value : block) boost::endian::big_to_native_inplace(reinterpret_cast<std::uint64_t&>(value));
-    array.values.insert(array.values.end(), block.begin(), block.begin() + static_cast<std::ptrdiff_t>(wanted));
+std::span<const double> NpyRows::next() {
+  if (taken_ == block_.size()) {
+    if (read_ == rows_) {
+      if (in_.peek() != std::istream::traits_type::eof()) refuse("the file has more data than its shape");
+      return {};
+    }
+    constexpr std::size_t values = 8192;
+    const std::size_t ahead = std::min(std::max<std::size_t>(1, values / columns_), rows_ - read_);
+    block_.resize(ahead * columns_);
+    taken_ = 0;
+    in_.read(reinterpret_cast<char*>(block_.data()), static_cast<std::streamsize>(block_.size() * sizeof(double)));
+    if (static_cast<std::size_t>(in_.gcount()) != block_.size() * sizeof(double))
+      refuse("the file ends before row " + std::to_string(read_ + ahead));
+    for (double& value : block_) {
+      auto& bits = reinterpret_cast<std::uint64_t&>(value);
+      if (is_little_)
+        boost::endian::little_to_native_inplace(bits);
+      else
+        boost::endian::big_to_native_inplace(bits);
+    }
+    read_ += ahead;
   }
-  if (in.peek() != std::istream::traits_type::eof()) refuse("the file has more data than its shape");
-  return array;
+  taken_ += columns_;
+  return std::span<const double>(block_).subspan(taken_ - columns_, columns_);
 }
 
 }  // namespace imud

@@ -16,16 +16,24 @@ namespace imud {
 // number of rows nor on the number of dimensions up to two.
 std::string npy_header(std::span<const MeasurementColumn> columns, std::span<const std::uint64_t> shape);
 
-struct NpyArray {
-  std::size_t rows = 0;
-  std::size_t columns = 0;     // 1 for an array of one dimension
-  std::vector<double> values;  // row by row
-  double at(std::size_t row, std::size_t column) const { return values[row * columns + column]; }
-};
+// Reads an array of float64 in C order with one or two dimensions, little- or big-endian, row by row to the end of
+// the stream. The constructor reads the header. All throw std::runtime_error, with the fault and the remedy, for any
+// other content.
+class NpyRows {
+ public:
+  explicit NpyRows(std::istream& in);
+  std::size_t rows() const noexcept { return rows_; }
+  std::size_t columns() const noexcept { return columns_; }  // 1 for an array of one dimension
+  // Returns the next row, which is valid until the next call; empty after the last one.
+  std::span<const double> next();
 
-// Reads an array of float64 in C order with one or two dimensions, little- or big-endian, to the end of the stream.
-// Throws std::runtime_error, with the fault and the remedy, for any other content. Memory is allocated only
-// for data that are there.
-NpyArray read_npy(std::istream& in);
+ private:
+  std::istream& in_;
+  std::size_t rows_ = 0, columns_ = 0;
+  bool is_little_ = true;
+  std::size_t read_ = 0;       // rows
+  std::vector<double> block_;  // rows read ahead
+  std::size_t taken_ = 0;      // values of the block
+};
 
 }  // namespace imud

@@ -26,9 +26,18 @@ std::string npy_file(std::string header, std::span<const double> values, char ve
   return file;
 }
 
+struct NpyArray {
+  std::size_t rows = 0, columns = 0;
+  std::vector<double> values;  // row by row
+};
+
 NpyArray read(const std::string& file) {
   std::istringstream in(file);
-  return read_npy(in);
+  NpyRows rows(in);
+  NpyArray array{rows.rows(), rows.columns(), {}};
+  for (auto row = rows.next(); !row.empty(); row = rows.next())
+    array.values.insert(array.values.end(), row.begin(), row.end());
+  return array;
 }
 
 std::string fault_of(const std::string& file) {
@@ -49,7 +58,6 @@ TEST(NpyFile, EveryVersionAndByteOrder) {
     EXPECT_EQ(array.rows, 3U);
     EXPECT_EQ(array.columns, 2U);
     EXPECT_EQ(array.values, six);
-    EXPECT_EQ(array.at(2, 1), 6);
   }
   EXPECT_EQ(read(npy_file("{'descr': '>f8', 'fortran_order': False, 'shape': (6,), }", six, 1, true)).values, six);
   EXPECT_EQ(read(npy_file("{'descr': '<f8', 'fortran_order': True, 'shape': (6,), }", six)).columns, 1U);

@@ -23,8 +23,8 @@ StillRecording recorded_array(const DecodeOptions& input, const RecordingOptions
   std::ifstream file(input.port, std::ios::binary);
   if (!file) throw std::invalid_argument(fmt::format("{}: cannot read it: {}", input.port, std::strerror(errno)));
   try {
-    const NpyArray array = read_npy(file);
-    return recording_of(array, parse_columns(columns, array.columns), *options.rate_hz);
+    NpyRows array(file);
+    return recording_of(array, parse_columns(columns, array.columns()), *options.rate_hz);
   } catch (const std::runtime_error& error) {
     throw std::runtime_error(fmt::format("{}: {}", input.port, error.what()));
   }
@@ -68,9 +68,16 @@ void add_recorded_input(CLI::App& app, RecordedInput& input) {
 }
 
 StillRecording record(const RecordedInput& input, bool& running, std::string& ended_by) {
-  if (!input.is_array()) return recorded_port(input.source, input.recording, running, ended_by);
   ended_by = "end of input";
-  return recorded_array(input.source, input.recording, input.columns);
+  StillRecording recording = input.is_array() ? recorded_array(input.source, input.recording, input.columns)
+                                              : recorded_port(input.source, input.recording, running, ended_by);
+  std::size_t bytes = 0;
+  for (const auto& channel : recording.channels)
+    if (channel.values.is_in_file()) bytes += channel.values.size() * sizeof(double);
+  if (bytes > 0)
+    fmt::print(stderr, "{}: {} MB of samples are in temporary files in {}, until the program ends\n",
+               input.source.program, bytes / 1'000'000, SampleStore::folder());
+  return recording;
 }
 
 }  // namespace imud

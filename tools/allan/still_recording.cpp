@@ -71,6 +71,7 @@ StillRecording StillRecorder::finish() {
   r.time_jumps = statistics_.time_jumps();
   r.can_detect_gaps = statistics_.can_detect_gaps();
   require_length(r);
+  for (auto& channel : r.channels) channel.values.finish();
   if (statistics_.back() > 0)
     throw std::runtime_error(
         "the device's time or counter goes back: it was restarted, or samples are out of order; right would be a "
@@ -104,31 +105,32 @@ StillRecording StillRecorder::finish() {
   for (auto& channel : r.channels) {
     const bool is_increment =
         (fields_ & (channel.is_rate() ? Measurement::delta_angle : Measurement::delta_velocity)) != 0;
-    if (is_increment)
-      for (double& value : channel.values) value *= r.rate_hz;
+    if (is_increment) channel.values.scale(r.rate_hz);
   }
   return std::move(recording_);
 }
 
-StillRecording recording_of(const NpyArray& array, const std::vector<std::optional<std::size_t>>& columns,
-                            double rate_hz) {
+StillRecording recording_of(NpyRows& array, const std::vector<std::optional<std::size_t>>& columns, double rate_hz) {
   StillRecording recording;
   recording.rate_hz = rate_hz;
   recording.rate_source = "as given";
   recording.can_detect_gaps = false;
+  std::vector<std::size_t> taken;
   for (std::size_t column = 0; column < columns.size(); ++column) {
     if (!columns[column]) continue;
-    StillRecording::Channel channel{*columns[column], {}};
-    channel.values.reserve(array.rows);
-    for (std::size_t row = 0; row < array.rows; ++row) {
-      const double value = array.at(row, column);
+    taken.push_back(column);
+    recording.channels.push_back({*columns[column], {}});
+  }
+  std::size_t number = 0;
+  for (auto row = array.next(); !row.empty(); row = array.next(), ++number)
+    for (std::size_t i = 0; i < taken.size(); ++i) {
+      const double value = row[taken[i]];
       if (!std::isfinite(value))
         throw std::runtime_error(
-            fmt::format("row {}, column {} is {}; right would be a finite number", row, column, value));
-      channel.values.push_back(value);
+            fmt::format("row {}, column {} is {}; right would be a finite number", number, taken[i], value));
+      recording.channels[i].values.push_back(value);
     }
-    recording.channels.push_back(std::move(channel));
-  }
+  for (auto& channel : recording.channels) channel.values.finish();
   require_length(recording);
   return recording;
 }

@@ -10,6 +10,7 @@
 
 #include "protocols/measurements/npy_file.hpp"
 #include "protocols/protocol.hpp"
+#include "tools/allan/sample_store.hpp"
 #include "tools/input/measurement_input.hpp"
 #include "tools/stream_statistics.hpp"
 
@@ -22,8 +23,8 @@ inline constexpr std::size_t channels_per_sensor = 3;
 
 struct StillRecording {
   struct Channel {
-    std::size_t number = 0;      // index in channel_names
-    std::vector<double> values;  // rad/s, m/s^2
+    std::size_t number = 0;  // index in channel_names
+    SampleStore values;      // rad/s, m/s^2
     bool is_rate() const noexcept { return number < channels_per_sensor; }
     std::string_view name() const noexcept { return channel_names[number]; }
   };
@@ -81,8 +82,7 @@ class StillRecorder final : public MeasurementReceiver {
 
 // Makes a recording of an array with these `columns`; nullopt: the column is left out. Throws as
 // StillRecorder::finish(), and if a value is not finite.
-StillRecording recording_of(const NpyArray& array, const std::vector<std::optional<std::size_t>>& columns,
-                            double rate_hz);
+StillRecording recording_of(NpyRows& array, const std::vector<std::optional<std::size_t>>& columns, double rate_hz);
 
 // Returns the channels of the texts "gyro_x,gyro_y,-,accel_x"; an empty text stands for the six channels, or for the
 // first of them, according to the number of columns. Throws std::invalid_argument.

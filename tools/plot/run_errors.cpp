@@ -66,8 +66,8 @@ RunErrors compare_runs(const StillRecording& measured, const StillRecording& tru
   for (std::size_t c = 0; c < measured.channels.size(); ++c) {
     const auto& channel = measured.channels[c];
     result.channels.push_back({channel.number,
-                               channel.values,
-                               truth.channels[c].values,
+                               channel.values.vector(),
+                               truth.channels[c].values.vector(),
                                std::vector<double>(samples),
                                std::vector<double>(samples),
                                std::vector<double>(samples),
