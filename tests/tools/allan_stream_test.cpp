@@ -72,6 +72,15 @@ std::string long_array(const ScratchFolder& folder, std::size_t rows) {
   return path;
 }
 
+// AddressSanitizer needs memory of its own. It keeps what is freed: here 1 MB of it instead of 256.
+#if defined(__SANITIZE_ADDRESS__)
+constexpr long most_mb = 200;
+#elif defined(__has_feature)
+constexpr long most_mb = __has_feature(address_sanitizer) ? 200 : 90;
+#else
+constexpr long most_mb = 90;
+#endif
+
 // The largest resident memory of a run of imu-allan, in MB, which exits with 0. rusage would have the memory of this
 // program before exec, too.
 long memory_of_a_run(std::vector<std::string> arguments) {
@@ -98,8 +107,11 @@ long memory_of_a_run(std::vector<std::string> arguments) {
 TEST(AllanStream, ALongRecordingTakesLittleMemory) {
   const ScratchFolder folder;
   const std::string path = long_array(folder, 2'000'000);
+  const char* const options = ::getenv("ASAN_OPTIONS");
+  ::setenv("ASAN_OPTIONS", ((options != nullptr ? std::string(options) + ":" : "") + "quarantine_size_mb=1").c_str(),
+           1);
   ::setenv("TMPDIR", (folder / "").c_str(), 1);
-  EXPECT_LT(memory_of_a_run({"npy", path, "--rate-hz", "400", "--json", folder / "long.json"}), 90);
+  EXPECT_LT(memory_of_a_run({"npy", path, "--rate-hz", "400", "--json", folder / "long.json"}), most_mb);
   const auto json = nlohmann::json::parse(read_file(folder / "long.json"));
   EXPECT_EQ(json["samples"], 2'000'000);
   EXPECT_EQ(json["axes"]["gyro_x"]["adev"], json["axes"]["accel_z"]["adev"]);
