@@ -1,28 +1,46 @@
 #include "core/environment/temperature.hpp"
 
 #include <algorithm>
-#include <cstddef>
 
 #include "core/numbers/elementary.hpp"
+#include "core/numbers/piecewise_linear.hpp"
 #include "core/numbers/round_to.hpp"
 
 namespace imud {
 
+// Returns the share of warm_up_c.
+double Temperature::warmth(double t) const noexcept {
+  const double since = std::max(t - changed_s_, 0.0);
+  if (has_power_) return 1.0 - (1.0 - share_) * elementary::exp(-since / model_.warm_up_s);
+  return share_ * elementary::exp(-since / (model_.cool_down_s > 0 ? model_.cool_down_s : model_.warm_up_s));
+}
+
+void Temperature::power_off(double t) noexcept {
+  share_ = warmth(t);
+  changed_s_ = t;
+  has_power_ = false;
+}
+
+void Temperature::power_on(double t) noexcept {
+  share_ = warmth(t);
+  changed_s_ = 0;
+  has_power_ = true;
+  updated_s_.reset();
+  measurement_ = -1;
+}
+
+void Temperature::continue_from(const Temperature& before) noexcept {
+  share_ = before.share_;
+  changed_s_ = before.changed_s_;
+  has_power_ = before.has_power_;
+  updated_s_ = before.updated_s_;
+  if (on_) sensor_c_ = before.sensor_c_;
+}
+
 double Temperature::at(double t, std::optional<double> truth_c) const noexcept {
   double temperature = truth_c.value_or(constant_c_);
-  const std::vector<double>&time = model_.profile_s, &value = model_.profile_c;
-  if (!time.empty() && !truth_c) {
-    const auto next = static_cast<std::size_t>(std::upper_bound(time.begin(), time.end(), t) - time.begin());
-    if (next == 0)
-      temperature = value.front();
-    else if (next == time.size())
-      temperature = value.back();
-    else
-      temperature =
-          value[next - 1] + (t - time[next - 1]) / (time[next] - time[next - 1]) * (value[next] - value[next - 1]);
-  }
-  if (model_.warm_up_c != 0.0)
-    temperature += model_.warm_up_c * (1.0 - elementary::exp(-std::max(t, 0.0) / model_.warm_up_s));
+  if (!model_.profile_s.empty() && !truth_c) temperature = piecewise_linear(model_.profile_s, model_.profile_c, t);
+  if (model_.warm_up_c != 0.0) temperature += model_.warm_up_c * warmth(t);
   return temperature;
 }
 
@@ -37,7 +55,10 @@ double Temperature::reported(double t) const noexcept {
 }
 
 void Temperature::update(double t, std::optional<double> truth_c) noexcept {
+  const double before_c = sensor_c_;
   sensor_c_ = at(t, truth_c);
+  sensor_rate_ = updated_s_ && t > *updated_s_ ? (sensor_c_ - before_c) / (t - *updated_s_) : 0.0;
+  updated_s_ = t;
   if (!truth_c) {
     reported_c_ = reported(t);
   } else if (model_.rate_hz == 0.0 || measurement(t) != measurement_) {

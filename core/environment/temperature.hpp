@@ -15,6 +15,7 @@ struct TemperatureModel {
   bool from_truth = false;  // the truth's temperature, where it has one, takes the place of these
   double warm_up_c = 0;     // by which the sensor becomes warmer than its surroundings
   double warm_up_s = 600;   // time constant, above 0
+  double cool_down_s = 0;   // time constant without power, not negative; 0: warm_up_s
   // The sensor's own measurement.
   double offset_c = 0;
   double lsb_c = 0;    // not negative; 0: no rounding
@@ -22,7 +23,9 @@ struct TemperatureModel {
 };
 
 // The temperature at the time t since power on:
-//   T = profile(t) + warm_up (1 - exp(-t/time constant))
+//   T = profile(t) + warm_up w
+//   w = 1 - (1 - w0) exp(-t/warm_up_s) with power, w0 exp(-t/cool_down_s) without
+// where t counts from the last change of the power and w0 is w there, 0 at the first power on.
 //   reported: lsb round((T + offset)/lsb), of the last whole multiple of 1/rate_hz; with the truth's temperature, of
 //             the first sample since then
 // Does not allocate once made, lock or throw; not thread-safe.
@@ -38,18 +41,21 @@ class Temperature {
   bool follows_truth() const noexcept { return model_.from_truth; }
   // Computes the temperatures of the sample at `t`, s, later than the last; `truth_c`: of the surroundings.
   [[gnu::noinline]] void update(double t, std::optional<double> truth_c) noexcept;
-  // Goes on from the temperature of `before` until the next update().
-  void continue_from(const Temperature& before) noexcept {
-    if (on_) sensor_c_ = before.sensor_c_;
-  }
-  // Return degrees Celsius, as update() has computed them.
+  // The power goes off, or comes on, at `t`; the next times count from there if it comes on.
+  void power_off(double t) noexcept;
+  void power_on(double t) noexcept;
+  // Goes on from the temperature of `before` until the next update(), and from its warm-up.
+  void continue_from(const Temperature& before) noexcept;
+  // Return degrees Celsius, as update() has computed them, and K/s, the mean derivative between the last two.
   double sensor_c() const noexcept { return sensor_c_; }
+  double sensor_rate() const noexcept { return sensor_rate_; }
   double reported_c() const noexcept { return reported_c_; }
   // Return degrees Celsius at `t`, s.
   double at(double t, std::optional<double> truth_c = {}) const noexcept;
   double reported(double t) const noexcept;
 
  private:
+  double warmth(double t) const noexcept;
   double measurement(double t) const noexcept { return std::floor(t * model_.rate_hz + 1e-6); }
   double measured(double temperature) const noexcept;
 
@@ -58,6 +64,11 @@ class Temperature {
   bool on_;
   double sensor_c_ = constant_c_, reported_c_ = constant_c_;
   double measurement_ = -1;  // the number of the one that is reported
+  double sensor_rate_ = 0;
+  std::optional<double> updated_s_;  // the time of the last update() since power on
+  double share_ = 0;                 // of warm_up_c, at the last change of the power,
+  double changed_s_ = 0;             // which was at this time
+  bool has_power_ = true;
 };
 
 }  // namespace imud

@@ -90,6 +90,43 @@ TEST(Temperature, OfTheTruthIsReportedInStepsOfItsRate) {
   EXPECT_NEAR(temperature.sensor_c(), 5 + warm_up(1), 1e-12);
 }
 
+// A sensor that was off for a while is still warm; one that was off for long is cold.
+TEST(Temperature, OfTheWarmUpRemembersHowLongThePowerWasOff) {
+  TemperatureModel model;
+  model.warm_up_c = 20;
+  model.warm_up_s = 300;
+  model.cool_down_s = 500;
+  Temperature temperature(model, 25);
+  temperature.power_off(600);
+  const double warm = 20 * (1 - std::exp(-2.0));
+  EXPECT_NEAR(temperature.at(600), 25 + warm, 1e-12);
+  EXPECT_NEAR(temperature.at(850), 25 + warm * std::exp(-0.5), 1e-12);
+  temperature.power_on(850);
+  const double left = warm * std::exp(-0.5);
+  EXPECT_NEAR(temperature.at(0), 25 + left, 1e-12);
+  EXPECT_NEAR(temperature.at(150), 25 + 20 - (20 - left) * std::exp(-0.5), 1e-12);
+  temperature.power_on(150);  // a reset: it stays as warm as it is
+  EXPECT_NEAR(temperature.at(0), 25 + 20 - (20 - left) * std::exp(-0.5), 1e-12);
+  temperature.power_off(1e6);
+  temperature.power_on(2e6);
+  EXPECT_NEAR(temperature.at(0), 25, 1e-9);
+}
+
+TEST(Temperature, HasTheRateOfItsProfile) {
+  TemperatureModel model;
+  model.profile_s = {0, 100};
+  model.profile_c = {20, 70};
+  Temperature temperature(model, 25);
+  temperature.update(0, {});
+  EXPECT_EQ(temperature.sensor_rate(), 0);
+  for (int k = 1; k <= 100; ++k) {
+    temperature.update(k, {});
+    EXPECT_NEAR(temperature.sensor_rate(), 0.5, 1e-12);
+  }
+  temperature.update(101, {});
+  EXPECT_EQ(temperature.sensor_rate(), 0);
+}
+
 // Between two truths it is linear; after the newest it stays.
 TEST(TemperatureEffects, FollowTheTruth) {
   ImuModel model;
