@@ -1,7 +1,10 @@
 // Truth: the simulator's motion of the vehicle at one instant.
 #pragma once
 
+#include <array>
+#include <cstddef>
 #include <cstdint>
+#include <optional>
 
 #include "core/time.hpp"
 #include "core/vector.hpp"
@@ -13,6 +16,30 @@ enum class AccumulatedDv : std::uint8_t {
   none,      // not given
   inertial,  // a vector accumulated in inertial space, given in the body axes of the instant
   body_sum,  // sum of increments, each in the body axes at the end of its own truth step
+};
+
+// The state of the vehicle beside its motion, which acts on the surroundings of its sensors: the speed of a rotor or
+// an engine, rad/s; the throttle, 0 to 1; the airspeed, m/s; the dynamic pressure, Pa; an electric current, A.
+enum class VehicleState : std::uint8_t { rotor_speed, throttle, airspeed, dynamic_pressure, current };
+inline constexpr std::size_t vehicle_state_count = 5;
+
+class VehicleStates {
+ public:
+  bool is_empty() const noexcept { return given_ == 0; }
+  std::optional<double> operator[](VehicleState state) const noexcept {
+    return (given_ & bit(state)) != 0 ? std::optional(value_[static_cast<std::size_t>(state)]) : std::nullopt;
+  }
+  void set(VehicleState state, double value) noexcept {
+    value_[static_cast<std::size_t>(state)] = value;
+    given_ |= bit(state);
+  }
+  // Returns whether the magnitudes of all that are given are at most `limit`; false if one is not a number.
+  bool are_within(double limit) const noexcept;
+
+ private:
+  static constexpr unsigned bit(VehicleState state) noexcept { return 1U << static_cast<unsigned>(state); }
+  unsigned given_ = 0;
+  std::array<double, vehicle_state_count> value_ = {};
 };
 
 // The motion of the vehicle body B relative to inertial space N (frames: core/README.md), in SI and radians. A
@@ -53,6 +80,7 @@ struct Truth {
   Vector3 magnetic_field_B = Vector3::Zero();  // T
   bool has_pressure = false;
   double pressure = 0;  // Pa; static
+  VehicleStates vehicle;
 
   bool is_rate_derived = false;   // omega_BN_B and omegaDot_BN_B were derived from attitudes
   bool is_force_derived = false;  // the specific force was derived from positions or velocities
@@ -72,6 +100,7 @@ inline constexpr double specific_force = 1e8;        // m/s^2
 inline constexpr double temperature = 1e4;           // degrees Celsius
 inline constexpr double magnetic_field = 1e6;        // T
 inline constexpr double pressure = 1e12;             // Pa
+inline constexpr double vehicle = 1e9;               // of VehicleStates, in SI
 }  // namespace truth_limit
 
 // Returns whether every number of a finite `truth` is in the model's range, and the quaternion's length within 1e-6

@@ -45,6 +45,7 @@ inline constexpr KeyUnit magnetic_field[] = {{"_t"},           {"_ut", 1e-6},   
                                              {"_gauss", 1e-4}, {"_mgauss", 1e-7}, {"_au", arbitrary_field}};
 inline constexpr KeyUnit pressure[] = {{"_pa"},        {"_hpa", 1e2}, {"_kpa", 1e3}, {"_inhg", inch_of_mercury},
                                        {"_mbar", 1e2}, {"_bar", 1e5}};
+inline constexpr KeyUnit current[] = {{"_a"}, {"_ma", 1e-3}};
 }  // namespace key_units
 
 // Returns true if two names are the same but for the spelling of their units: an hour is `hr` or `h`, a knot `kn` or

@@ -214,6 +214,20 @@ bool TruthAssembly::is_about_earth(const Truth& truth) const noexcept {
   return !is_inertial_ && !axes_.is_enu && position_ == TruthGroup::r_BN_N && is_near_earth(truth.r_BN_N);
 }
 
+void TruthAssembly::convert_vehicle(const TruthReading& in, Truth& truth) const noexcept {
+  using enum TruthGroup;
+  constexpr struct {
+    TruthGroup group;
+    VehicleState state;
+  } states[] = {{rotor_speed, VehicleState::rotor_speed},
+                {throttle, VehicleState::throttle},
+                {airspeed, VehicleState::airspeed},
+                {dynamic_pressure, VehicleState::dynamic_pressure},
+                {current, VehicleState::current}};
+  for (const auto& [group, state] : states)
+    if (has(group)) truth.vehicle.set(state, number(in, group));
+}
+
 void TruthAssembly::convert_force(const TruthReading& in, Truth& truth) noexcept {
   using enum TruthGroup;
   truth.has_specific_force = force_.has_value();
@@ -302,6 +316,7 @@ TruthResult TruthAssembly::convert(const TruthReading& in, Truth& truth) noexcep
   if (truth.has_magnetic_field) truth.magnetic_field_B = body(vector(in, magnetic_field));
   truth.has_pressure = has(pressure);
   if (truth.has_pressure) truth.pressure = number(in, pressure);
+  convert_vehicle(in, truth);
   if (has(vehicle)) truth.stream = static_cast<std::uint32_t>(std::llround(number(in, vehicle)));
   if (has(sequence)) truth.sequence = static_cast<std::uint32_t>(std::llround(number(in, sequence)));
   if (!is_finite(truth)) return TruthResult::not_finite;

@@ -97,6 +97,7 @@ class TruthAssembly {
   void convert_rate(const TruthReading& in, Truth& truth) noexcept;
   bool is_about_earth(const Truth& truth) const noexcept;
   void convert_force(const TruthReading& in, Truth& truth) noexcept;
+  void convert_vehicle(const TruthReading& in, Truth& truth) const noexcept;
   void integrate_attitude(Truth& truth) noexcept;
 
   struct Limit {

@@ -43,7 +43,8 @@ constexpr Names time_names{"time"}, unix_time{"unix_time"}, gps_time_of_week{"gp
     acceleration_up{"acceleration_up"},
     accumulated_dv{"accumulated_dv_x", "accumulated_dv_y", "accumulated_dv_z"}, temperature{"temperature"},
     magnetic_field{"magnetic_field_x", "magnetic_field_y", "magnetic_field_z"}, pressure{"pressure"},
-    earth_angle{"earth_angle"}, vehicle{"vehicle"}, sequence{"sequence"};
+    rotor_speed{"rotor_speed"}, throttle{"throttle"}, airspeed{"airspeed"}, dynamic_pressure{"dynamic_pressure"},
+    current{"current"}, earth_angle{"earth_angle"}, vehicle{"vehicle"}, sequence{"sequence"};
 
 // In the order of TruthGroup.
 constexpr std::array<QuantityGroup, truth_group_count> without_index = {{
@@ -99,6 +100,11 @@ constexpr std::array<QuantityGroup, truth_group_count> without_index = {{
     {temperature, Kind::temperature, "temperature of the sensor's surroundings"},
     {magnetic_field, Kind::magnetic_field, "magnetic field, in body axes"},
     {pressure, Kind::pressure, "pressure of the air"},
+    {rotor_speed, Kind::rate, "speed of a rotor or an engine; see [imu.vibration]"},
+    {throttle, Kind::number, "throttle, 0 to 1; see [imu.vibration]"},
+    {airspeed, Kind::speed, "true airspeed; see [imu.vibration] and [imu.barometer]"},
+    {dynamic_pressure, Kind::pressure, "dynamic pressure of the air; see [imu.vibration] and [imu.barometer]"},
+    {current, Kind::current, "electric current; see [imu.magnetometer]"},
     {earth_angle, Kind::angle, "angle from N's x axis to the prime meridian; without it the Earth's rate times the time"},
     {vehicle, Kind::number, "number of the vehicle (truth.stream)"},
     {sequence, Kind::number, "number of the truth, one more with each"},
@@ -137,9 +143,10 @@ constexpr KindRow kinds[] = {
     {Kind::temperature, key_units::temperature, truth_limit::temperature},
     {Kind::magnetic_field, key_units::magnetic_field},
     {Kind::pressure, key_units::pressure},
+    {Kind::current, key_units::current},
 };
 static_assert(std::ranges::is_sorted(kinds, std::ranges::less_equal{}, &KindRow::kind) &&
-              std::size(kinds) == static_cast<std::size_t>(Kind::pressure) + 1);
+              std::size(kinds) == static_cast<std::size_t>(Kind::current) + 1);
 constexpr std::span<const KeyUnit> units_of(Kind kind) noexcept {
   return kinds[static_cast<std::size_t>(kind)].units;
 }

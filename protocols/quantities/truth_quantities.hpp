@@ -29,6 +29,7 @@ enum class QuantityKind : std::uint8_t {
   temperature,
   magnetic_field,
   pressure,
+  current,
 };
 
 // The quantities that belong together, in the order of quantity_groups(). A body rate, for example, is one group of
@@ -42,7 +43,8 @@ enum class TruthGroup : std::uint8_t {
   v_BN_N, v_BE_E, v_BE_B, v_horizontal, v_down, v_up,
   rate_N, rate_E, euler_rate, angular_acceleration,
   specific_force, acceleration_B, acceleration_N, acceleration_horizontal, acceleration_down, acceleration_up,
-  accumulated_dv, temperature, magnetic_field, pressure, earth_angle, vehicle, sequence,
+  accumulated_dv, temperature, magnetic_field, pressure, rotor_speed, throttle, airspeed,
+  dynamic_pressure, current, earth_angle, vehicle, sequence,
   // clang-format on
 };
 inline constexpr std::size_t truth_group_count = static_cast<std::size_t>(TruthGroup::sequence) + 1;
@@ -76,7 +78,7 @@ inline const QuantityGroup& quantity_group(TruthGroup group) noexcept {
   return quantity_groups()[static_cast<std::size_t>(group)];
 }
 
-inline constexpr std::size_t quantity_count = 168;
+inline constexpr std::size_t quantity_count = 173;
 using QuantitySet = std::bitset<quantity_count>;
 
 // Returns the name of a quantity, without its unit.

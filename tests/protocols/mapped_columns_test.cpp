@@ -135,6 +135,21 @@ TEST_F(MappedCsv, NamesOfQuantitiesNeedNoMap) {
   EXPECT_EQ(truth_.omega_BN_B, Vector3(1, 2, 3));
 }
 
+TEST_F(MappedCsv, HasStatesOfTheVehicle) {
+  make({});
+  ASSERT_EQ(
+      decode("time_s,yaw_deg,pitch_deg,roll_deg,rotor_speed_rpm,throttle,airspeed_km_per_h,dynamic_pressure_hpa"),
+      TruthResult::no_state);
+  ASSERT_EQ(decode("1,0,0,0,6000,0.5,72,2"), TruthResult::ok);
+  EXPECT_NEAR(truth_.vehicle[VehicleState::rotor_speed].value(), 628.3185307179587, 1e-9);
+  EXPECT_EQ(truth_.vehicle[VehicleState::throttle].value(), 0.5);
+  EXPECT_NEAR(truth_.vehicle[VehicleState::airspeed].value(), 20, 1e-12);
+  EXPECT_EQ(truth_.vehicle[VehicleState::dynamic_pressure].value(), 200);
+  EXPECT_FALSE(truth_.vehicle[VehicleState::current]);
+  EXPECT_EQ(decode("1,0,0,0,6000,nan,72,2"), TruthResult::not_finite);
+  EXPECT_EQ(decode("1,0,0,0,6000,1e12,72,2"), TruthResult::out_of_range);
+}
+
 TEST_F(MappedCsv, AListOfQuantitiesIsTheOrderOfTheColumns) {
   make({"time_s", "_", "yaw_rad", "pitch_rad", "roll_rad", "north_m", "east_m", "up_m"}, "enu");
   ASSERT_EQ(decode("1,x,0,0,0,10,20,30"), TruthResult::ok);

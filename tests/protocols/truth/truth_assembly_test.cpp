@@ -113,8 +113,10 @@ TEST(TruthQuantities, UnitsAreTheirFactors) {
       {"q_NB_w", {0.5, 0.5}},
       {"v_BN_N_x_km_per_h", {3.6, 1}},
       {"yaw_arcsec", {3600, deg}},
+      {"rotor_speed_rpm", {60, 2 * units::pi}},
+      {"current_ma", {1500, 1.5}},
   };
-  ASSERT_EQ(known.size(), 19U);
+  ASSERT_EQ(known.size(), 21U);
   for (const auto& [name, values] : known) {
     const auto field = find_truth_field(name);
     ASSERT_TRUE(field) << name;
