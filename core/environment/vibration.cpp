@@ -6,6 +6,7 @@
 
 #include "core/numbers/dispatch.hpp"
 #include "core/numbers/elementary.hpp"
+#include "core/numbers/piecewise_linear.hpp"
 #include "core/units.hpp"
 
 namespace imud {
@@ -38,7 +39,15 @@ double power(std::span<const double> frequency, std::span<const double> density,
 
 }  // namespace
 
-Vibration::Vibration(const VibrationModel& model, const Normals& normals) {
+Vibration::Vibration(const VibrationModel& model, const Normals& normals)
+    : envelope_(model.envelope), has_harmonics_(!model.harmonics.empty()) {
+  for (const VibrationModel::Harmonic& harmonic : model.harmonics) {
+    Line added{
+        .turns_per_ns = 0, .per_omega = 0, .order = harmonic.order, .phase = harmonic.phase / (2.0 * units::pi)};
+    added.force_sin.add(lanes(harmonic.force));
+    added.rate_sin.add(lanes(harmonic.rate));
+    lines_.push_back(added);
+  }
   for (const VibrationModel::Sine& sine : model.sines) {
     const auto [sin, cos] = elementary::sincos(sine.phase);
     Line& added = line(sine.frequency_hz);
@@ -53,7 +62,8 @@ Vibration::Vibration(const VibrationModel& model, const Normals& normals) {
 // Returns the line of that frequency, which is new if there is none.
 Vibration::Line& Vibration::line(double frequency_hz) {
   const auto turns_per_ns = static_cast<std::uint64_t>(frequency_hz * (0x1p64 * 1e-9) + 0.5);
-  const auto found = std::ranges::find(lines_, turns_per_ns, &Line::turns_per_ns);
+  const auto found = std::ranges::find_if(
+      lines_, [turns_per_ns](const Line& one) { return one.order == 0 && one.turns_per_ns == turns_per_ns; });
   if (found != lines_.end()) return *found;
   const double omega = 2.0 * units::pi * 1e9 * 0x1p-64 * static_cast<double>(turns_per_ns);
   lines_.push_back({.turns_per_ns = turns_per_ns, .per_omega = 1.0 / omega});
@@ -84,23 +94,53 @@ void Vibration::add_spectrum(const VibrationModel::Spectrum& spectrum, const Nor
   }
 }
 
+void Vibration::follow(TruthTime time, std::optional<double> state, std::optional<double> rotor_speed) noexcept {
+  rotor_hz_ = rotor_speed.value_or(0.0) / (2.0 * units::pi);
+  if (envelope_.at.empty()) return;
+  const double x = envelope_.of ? state.value_or(0.0) : 1e-9 * static_cast<double>(time.ns);
+  factor_ = piecewise_linear(envelope_.at, envelope_.factor, x);
+}
+
+void Vibration::continue_from(const Vibration& before) noexcept {
+  if (lines_.size() == before.lines_.size())
+    for (std::size_t i = 0; i < lines_.size(); ++i)
+      if (lines_[i].order == before.lines_[i].order) lines_[i].phase = before.lines_[i].phase;
+  if (!envelope_.at.empty() && !before.envelope_.at.empty()) factor_ = last_factor_ = before.factor_;
+  rotor_hz_ = before.rotor_hz_;
+}
+
+// Returns the angle of a line at the end of a step, rad.
+double Vibration::angle_of(Line& line, TruthTime time, double dt) noexcept {
+  if (line.order == 0) {
+    const std::uint64_t turns = line.turns_per_ns * static_cast<std::uint64_t>(time.ns);
+    return 2.0 * units::pi * 0x1p-64 * static_cast<double>(static_cast<std::int64_t>(turns));
+  }
+  const double hz = line.order * rotor_hz_;
+  line.phase += hz * dt;
+  line.phase -= std::floor(line.phase + 0.5);
+  line.per_omega = hz != 0 ? 1.0 / (2.0 * units::pi * hz) : 0.0;
+  return 2.0 * units::pi * line.phase;
+}
+
 IMUD_DISPATCHED void Vibration::add_to(const SensorInput& input, TruthTime time, double dt) noexcept {
+  const double mean_factor = 0.5 * (factor_ + last_factor_);
+  last_factor_ = factor_;
   Lanes rate = lanes(input.rate), specific_force = lanes(input.specific_force);
   Lanes delta_angle = lanes(input.delta_angle), delta_velocity = lanes(input.delta_velocity);
   for (std::size_t first = 0; first < lines_.size(); first += 4) {
     const std::size_t count = std::min<std::size_t>(4, lines_.size() - first);
     Lanes angles = {};
-    for (std::size_t i = 0; i < count; ++i) {
-      const std::uint64_t turns = lines_[first + i].turns_per_ns * static_cast<std::uint64_t>(time.ns);
-      angles[i] = 2.0 * units::pi * 0x1p-64 * static_cast<double>(static_cast<std::int64_t>(turns));
-    }
+    for (std::size_t i = 0; i < count; ++i) angles[i] = angle_of(lines_[first + i], time, dt);
     const auto [sines, cosines] = elementary::sincos(angles);
     for (std::size_t i = 0; i < count; ++i) {
       Line& line = lines_[first + i];
       const double sin = sines[i], cos = cosines[i];
-      rate += sin * line.rate_sin.lanes() + cos * line.rate_cos.lanes();
-      specific_force += sin * line.force_sin.lanes() + cos * line.force_cos.lanes();
-      const double of_sin = (line.last_cos - cos) * line.per_omega, of_cos = (sin - line.last_sin) * line.per_omega;
+      const double now_sin = factor_ * sin, now_cos = factor_ * cos, per_omega = mean_factor * line.per_omega;
+      rate += now_sin * line.rate_sin.lanes() + now_cos * line.rate_cos.lanes();
+      specific_force += now_sin * line.force_sin.lanes() + now_cos * line.force_cos.lanes();
+      double of_sin = (line.last_cos - cos) * per_omega;
+      const double of_cos = (sin - line.last_sin) * per_omega;
+      if (line.order > 0 && std::abs(line.order * rotor_hz_ * dt) < 1e-6) of_sin = now_sin * dt;  // it stands still
       delta_angle += of_sin * line.rate_sin.lanes() + of_cos * line.rate_cos.lanes();
       delta_velocity += of_sin * line.force_sin.lanes() + of_cos * line.force_cos.lanes();
       line.last_sin = sin;

@@ -3,16 +3,18 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "core/numbers/lanes.hpp"
 #include "core/numbers/random.hpp"
 #include "core/time.hpp"
+#include "core/truth.hpp"
 #include "core/vector.hpp"
 
 namespace imud {
 
-// Sines, and random vibration by its spectrum, in platform axes. Empty: none.
+// Sines, harmonics of a rotor, and random vibration by its spectrum, in platform axes. Empty: none.
 struct VibrationModel {
   struct Sine {
     double frequency_hz;              // above 0, at most 1e6
@@ -21,6 +23,15 @@ struct VibrationModel {
     double phase = 0;                 // rad, at truth time 0
   };
   std::vector<Sine> sines;
+
+  // A sine whose frequency is a multiple of the rotor's.
+  struct Harmonic {
+    double order;                     // above 0: that multiple
+    Vector3 force = Vector3::Zero();  // m/s^2, amplitude
+    Vector3 rate = Vector3::Zero();   // rad/s, amplitude
+    double phase = 0;                 // rad, at the first sample
+  };
+  std::vector<Harmonic> harmonics;
 
   // One-sided spectral densities at breakpoints, between which their logarithm is linear in the logarithm of the
   // frequency, as environmental standards have them (MIL-STD-810, method 514). Frequencies ascend and are as above;
@@ -33,6 +44,14 @@ struct VibrationModel {
     std::size_t lines = 64;          // sines that stand for it; 0: no random vibration
   };
   Spectrum spectrum;
+
+  // The factor on all amplitudes: the curve through the points (at, factor) of a state of the vehicle, in SI, or of
+  // the truth's time, s. `at` ascends; as many factors, not negative. Empty: 1.
+  struct Envelope {
+    std::optional<VehicleState> of;  // nullopt: of the time
+    std::vector<double> at, factor;
+  };
+  Envelope envelope;
 };
 
 // The true values of the sensors at S, in SI, platform axes, to which vibration is added.
@@ -50,30 +69,52 @@ struct SensorInput {
 // in the middle of each of `lines` bands between the first and the last breakpoint, whose widths are in proportion to
 // their frequencies. Each has the power of its band, exactly. The vibration depends on seed, imu and time alone.
 //
+// A harmonic has the phase that its frequency accumulates from sample to sample. Its integral over a step is exact
+// for a constant speed, and the one of an envelope has the mean of the factors at both ends.
+//
 // The constructor allocates; nothing else allocates, locks or throws. Not thread-safe.
 class Vibration {
  public:
   Vibration(const VibrationModel& model, const Normals& normals);
   bool is_on() const noexcept { return !lines_.empty(); }
 
+  // Return whether the amplitude or a frequency follows the truth, and whether it needs this state of the vehicle.
+  bool follows() const noexcept { return has_harmonics_ || !envelope_.at.empty(); }
+  // Sets the truth that it follows at the next add_to(): the state of the envelope, and the speed of the rotor,
+  // rad/s. Without them the factor is the one of 0, and the rotor stands still.
+  void follow(TruthTime time, std::optional<double> state, std::optional<double> rotor_speed) noexcept;
+  std::optional<VehicleState> followed() const noexcept { return envelope_.of; }
+  // Returns the factor on the mean square.
+  double power_factor() const noexcept { return factor_ * factor_; }
+  // Goes on with the phases of `before`.
+  void continue_from(const Vibration& before) noexcept;
+
   // Adds the vibration at `time` to the values, and its integral over the step from the last call's time to the
   // increments if `dt` is not 0.
   void add_to(const SensorInput& input, TruthTime time, double dt) noexcept;
 
-  // Returns the mean square of the specific force on each axis, (m/s^2)^2.
+  // Returns the mean square of the specific force on each axis for the factor 1, (m/s^2)^2.
   Vector3 mean_square() const noexcept;
 
  private:
   struct Line {
     std::uint64_t turns_per_ns;  // in 2^-64 turns: the phase is exact at any time, modulo a turn
     double per_omega;            // s/rad, 1/w
+    double order = 0;            // of a harmonic; 0: none
+    double phase = 0;            // of a harmonic, in turns
     LaneVector force_sin = {}, force_cos = {}, rate_sin = {}, rate_cos = {};
     double last_sin = 0, last_cos = 1;
   };
   Line& line(double frequency_hz);
   void add_spectrum(const VibrationModel::Spectrum& spectrum, const Normals& normals);
 
+  double angle_of(Line& line, TruthTime time, double dt) noexcept;
+
   std::vector<Line> lines_;
+  VibrationModel::Envelope envelope_;
+  bool has_harmonics_ = false;
+  double factor_ = 1, last_factor_ = 1;
+  double rotor_hz_ = 0;
 };
 
 }  // namespace imud
