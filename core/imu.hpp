@@ -4,8 +4,8 @@
 #include <cstdint>
 #include <optional>
 
-#include "core/barometer.hpp"
 #include "core/earth/earth.hpp"
+#include "core/environment/barometer.hpp"
 #include "core/environment/temperature.hpp"
 #include "core/environment/vibration.hpp"
 #include "core/navigation_errors.hpp"
