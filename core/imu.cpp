@@ -142,7 +142,7 @@ template <class Out>
                      .since_power_on = since_power_on,
                      .specific_force = specific_force,
                      .delta_velocity = delta_velocity,
-                     .temperature_c = temperature_.sensor_c(),
+                     .surroundings = surroundings_,
                      .value = value,
                      .increment = increment,
                      .begins_run = begins_run};
@@ -219,8 +219,10 @@ IMUD_DISPATCHED [[gnu::noinline]] void Imu::measure_last(const MotionState& now,
   Sample out;
   out.time = stamp;
   out.counter = counter_;
-  if (temperature_.is_on()) [[unlikely]]
+  if (temperature_.is_on()) [[unlikely]] {
     temperature_.update(time_since_power_on(), surroundings_c_);
+    surroundings_ = {temperature_.sensor_c(), temperature_.sensor_rate(), 1};
+  }
   out.temperature_c = temperature_.reported_c();
 
   Vector3 delta_angle = Vector3::Zero();

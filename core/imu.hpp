@@ -237,6 +237,7 @@ class Imu {
   Triad magnetometer_;
   Temperature temperature_;
   std::optional<double> surroundings_c_;  // by the truth of the current sample
+  Surroundings surroundings_;
   Barometer barometer_;
   NavigationError navigation_;
   bool is_disturbed_;             // disturb() does something

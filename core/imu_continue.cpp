@@ -29,6 +29,7 @@ void Imu::continue_from(const Imu& before) noexcept {
   barometer_.continue_from(before.barometer_, normals_, counter_);
   navigation_.continue_from(before.navigation_, normals_, counter_);
   temperature_.continue_from(before.temperature_);
+  surroundings_.temperature_c = temperature_.sensor_c();
 
   run_ = before.run_;
   last_ = before.last_;

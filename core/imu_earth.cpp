@@ -52,7 +52,7 @@ void Imu::sense_earth(const Earth& earth, PositionVelocity position, const Given
                     .since_power_on = time_since_power_on(),
                     .specific_force = none,
                     .delta_velocity = none,
-                    .temperature_c = temperature_.sensor_c(),
+                    .surroundings = surroundings_,
                     .value = out.magnetic_field,
                     .increment = none,
                     .begins_run = !had_field_};

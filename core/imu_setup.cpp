@@ -32,8 +32,8 @@ Imu::Imu(const ImuModel& model, std::uint64_t seed, std::uint32_t stream)
       unit_normals_(normals_),
       power_on_normals_(normals_),
       vibration_(model.vibration, normals_),
-      gyro_(drawn_errors(model.gyro, Quantity::rate, normals_, normals_, 0), Quantity::rate,
-            internal_period_s(model)),
+      gyro_(in_vibration(drawn_errors(model.gyro, Quantity::rate, normals_, normals_, 0), vibration_),
+            Quantity::rate, internal_period_s(model)),
       accelerometer_(in_vibration(drawn_errors(model.accelerometer, Quantity::specific_force, normals_, normals_, 0),
                                   vibration_),
                      Quantity::specific_force, internal_period_s(model)),
@@ -46,7 +46,9 @@ Imu::Imu(const ImuModel& model, std::uint64_t seed, std::uint32_t stream)
       barometer_(model.barometer, 1.0 / model.rate_hz),
       navigation_(model.navigation, 1.0 / model.rate_hz),
       is_disturbed_(vibration_.is_on() || size_effect_.is_on()),
-      period_s_(1.0 / model.rate_hz) {}
+      period_s_(1.0 / model.rate_hz) {
+  surroundings_.temperature_c = model.temperature_c;
+}
 
 void Imu::seek(std::uint64_t k) noexcept {
   counter_ = k;

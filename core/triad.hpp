@@ -18,6 +18,12 @@
 #include "core/effects/nonlinearity.hpp"
 #include "core/effects/ramp.hpp"
 #include "core/effects/random_walk.hpp"
+#include "core/effects/rare/cross_sensitivity.hpp"
+#include "core/effects/rare/dead_zone.hpp"
+#include "core/effects/rare/fir_filter.hpp"
+#include "core/effects/rare/popcorn_noise.hpp"
+#include "core/effects/rare/quantization_noise.hpp"
+#include "core/effects/rare/thermal_drift.hpp"
 #include "core/effects/saturation.hpp"
 #include "core/effects/scale_factor.hpp"
 #include "core/effects/temperature_bias.hpp"
@@ -33,12 +39,13 @@ namespace imud {
 // the input axes and are not scaled by them. The filter acts on the motion and the noise alike, before the
 // converter rounds. Saturation is last, as in the memo, so that no value is beyond the range. The increments
 // that it leaves are rounded.
-using TriadEffects = std::tuple<Misalignment, ScaleFactor, Nonlinearity, TemperatureScale,             // on the truth
-                                Bias, TemperatureBias, GaussMarkov, TurnOnBias, Ramp,                  // added
-                                AccelerationSensitivity, VibrationRectification, WhiteNoise, Flicker,  // added
-                                ExponentiallyCorrelated, RandomWalk, AddErrors,  // added, and their sum
-                                Bandwidth,                                       // of the value
-                                ValueRounding, Saturation, IncrementRounding>;   // at the output
+using TriadEffects = std::tuple<Misalignment, DeadZone, ScaleFactor, Nonlinearity, TemperatureScale,  // on the truth
+                                Bias, TemperatureBias, ThermalDrift, GaussMarkov, TurnOnBias, Ramp,   // added
+                                AccelerationSensitivity, CrossSensitivity, VibrationRectification,    // added
+                                WhiteNoise, Flicker, ExponentiallyCorrelated, PopcornNoise,           // added
+                                RandomWalk, QuantizationNoise, AddErrors,       // added, and their sum
+                                FirFilter, Bandwidth,                           // of the value
+                                ValueRounding, Saturation, IncrementRounding>;  // at the output
 
 // The names of the effects, in that order.
 inline constexpr auto triad_effect_names = []<class... Effect>(std::tuple<Effect...>*) {
@@ -50,6 +57,14 @@ template <class Effect>
 inline constexpr bool is_of_memo = []<class... Memo>(std::tuple<Memo...>*) {
   return (std::is_same_v<Effect, Memo> || ...);
 }(static_cast<std::tuple<ScaleFactor, Bias, GaussMarkov, AddErrors, ValueRounding, Saturation>*>(nullptr));
+
+// True for the effects that hardly any sensor has: Triad::apply() may leave them out.
+template <class Effect>
+inline constexpr bool is_rare =
+    []<class... Rare>(std::tuple<Rare...>*) {
+      return (std::is_same_v<Effect, Rare> || ...);
+    }(static_cast<std::tuple<DeadZone, ThermalDrift, CrossSensitivity, PopcornNoise, QuantizationNoise, FirFilter>*>(
+        nullptr));
 
 // True for the effects that are constant while the power is on, and have no state.
 template <class Effect>
@@ -69,7 +84,8 @@ class Triad {
   }
 
   // Turns the true value and increment into the measured ones. Where only effects of the memo are on, the others cost
-  // one test together.
+  // one test together. Without `Rare`, the rare effects must be off, and cost nothing.
+  template <bool Rare = true>
   [[gnu::always_inline]] void apply(TriadStep& step) noexcept {
     if (is_memos_)
       each([&step]<class Effect>(Effect & effect) __attribute__((always_inline)) {
@@ -77,10 +93,12 @@ class Triad {
           if (effect.is_on()) effect.apply(step);
       });
     else
-      each([&step](auto& effect) __attribute__((always_inline)) {
-        if (effect.is_on()) effect.apply(step);
+      each([&step]<class Effect>(Effect & effect) __attribute__((always_inline)) {
+        if constexpr (Rare || !is_rare<Effect>)
+          if (effect.is_on()) effect.apply(step);
       });
   }
+  bool has_rare() const noexcept { return has_rare_; }
   // Makes the next sample number k, with the errors that it has in the sequence from 0, except for the remainders of
   // rounding. The time it takes is proportional to k where an effect has a memory.
   void seek(const Normals& normals, std::uint64_t k) noexcept {
@@ -127,7 +145,11 @@ class Triad {
   }
   void note_what_is_on() noexcept {
     is_memos_ = true;
-    each([this]<class Effect>(Effect& effect) { is_memos_ = is_memos_ && (is_of_memo<Effect> || !effect.is_on()); });
+    has_rare_ = false;
+    each([this]<class Effect>(Effect& effect) {
+      is_memos_ = is_memos_ && (is_of_memo<Effect> || !effect.is_on());
+      has_rare_ = has_rare_ || (is_rare<Effect> && effect.is_on());
+    });
   }
   template <class Visit>
   void each(Visit visit) noexcept {
@@ -136,6 +158,7 @@ class Triad {
 
   TriadEffects effects_;
   bool is_memos_ = true;  // no other effect is on
+  bool has_rare_ = false;
 };
 
 }  // namespace imud

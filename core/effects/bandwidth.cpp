@@ -29,7 +29,7 @@ void Bandwidth::set(const SensorFilter& filter) noexcept {
     passes_[i] = !(filter.cut_off_hz[axis] > 0);
     if (passes_[i]) continue;
     const double g = detail::prewarped(filter.cut_off_hz[axis], rate_hz_);
-    const detail::Sections all = detail::sections(filter.order);
+    const detail::Sections all = detail::sections(filter);
     if (all.count == 0) sections_[0].y_from_x[i] = g / (1 + g);
     for (std::size_t s = 0; s < static_cast<std::size_t>(all.count); ++s) {
       const double a = 1 / (1 + g * (g + all.damping[s]));

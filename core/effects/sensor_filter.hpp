@@ -1,6 +1,8 @@
 // SensorFilter: the low-pass filter between a sensor and its output, as numbers. bandwidth.hpp applies it.
 #pragma once
 
+#include <span>
+
 #include "core/vector.hpp"
 
 namespace imud {
@@ -19,7 +21,10 @@ struct SensorFilter {
 
   Vector3 cut_off_hz = Vector3::Zero();  // per axis, below half of the sample rate; 0: none
   int order = 2;                         // 1, 2 or 4
-  int length = 1;                        // samples; 1: none
+  // k of order 2, above 0; 0: sqrt(2), the Butterworth filter. The gain at the cut-off is 1/k: below sqrt(2) there is
+  // a peak, of 1/(k sqrt(1 - k^2/4)).
+  double damping = 0;
+  int length = 1;  // samples; 1: none
   int stages = 1;
 
   bool is_on() const noexcept { return length > 1 || !cut_off_hz.isZero(0.0); }
@@ -29,6 +34,8 @@ struct SensorFilter {
 // Returns the group delay of axis 0 to 2 at frequency 0, s: by how much a slow motion is late. `rate_hz`: the rate at
 // which the filter runs.
 double group_delay_s(const SensorFilter& filter, int axis, double rate_hz);
+// Returns the same for a filter of taps h(i), whose sum is not 0: sum of i h(i) over the sum of h(i), in samples.
+double group_delay_s(std::span<const double> taps, double rate_hz);
 
 // The filters that a product has set in itself.
 struct SensorFilters {
@@ -42,9 +49,9 @@ struct Sections {
   int count;
   double damping[2];
 };
-constexpr Sections sections(int order) noexcept {
-  if (order == 1) return {0, {}};
-  if (order == 2) return {1, {1.4142135623730951}};       // 2 cos(pi/4)
+constexpr Sections sections(const SensorFilter& filter) noexcept {
+  if (filter.order == 1) return {0, {}};
+  if (filter.order == 2) return {1, {filter.damping > 0 ? filter.damping : 1.4142135623730951}};  // 2 cos(pi/4)
   return {2, {1.8477590650225735, 0.76536686473017954}};  // 2 cos(pi/8), 2 cos(3 pi/8)
 }
 // Returns tan(pi cut_off/rate).

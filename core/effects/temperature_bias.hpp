@@ -18,7 +18,7 @@ class TemperatureBias : public StatelessEffect {
         on_(!errors.temperature_bias.isZero(0.0)) {}
   bool is_on() const noexcept { return on_; }
   void apply(TriadStep& step) const noexcept {
-    const double x = step.temperature_c - reference_c_;
+    const double x = step.surroundings.temperature_c - reference_c_;
     step.constant_error += coefficients_ * Vector3(x, x * x, x * x * x);
   }
 

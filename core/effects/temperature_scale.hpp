@@ -19,7 +19,7 @@ class TemperatureScale : public StatelessEffect {
         on_(!errors.temperature_scale.isZero(0.0)) {}
   bool is_on() const noexcept { return on_; }
   void apply(TriadStep& step) const noexcept {
-    const double x = step.temperature_c - reference_c_;
+    const double x = step.surroundings.temperature_c - reference_c_;
     const Vector3 change = coefficients_ * Vector3(x, x * x, x * x * x);
     step.value += change.cwiseProduct(step.value);
     step.increment += change.cwiseProduct(step.increment);

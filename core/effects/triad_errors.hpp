@@ -2,7 +2,9 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <optional>
+#include <vector>
 
 #include "core/effects/constant_errors.hpp"
 #include "core/effects/sensor_filter.hpp"
@@ -18,12 +20,18 @@ struct AxisLimits {
   Vector3 lower, upper;
 };
 
+// The taps of a filter, shared so that a copy does not allocate; nullptr: none.
+using FirTaps = std::shared_ptr<const std::vector<double>>;
+
 // The errors of three gyros (u is rad/s), accelerometers (m/s^2) or magnetometers (T), one of a kind on each platform
 // axis. The default of every member switches its effect off. Densities are continuous: their spectra do not depend on
 // the sample rate. Each group is the part of the effect that stands above it, whose header has the equation.
 struct TriadErrors {
   // Misalignment
   Matrix3 misalignment = Matrix3::Identity();  // row i: the input axis of sensor i, in platform axes
+
+  // DeadZone
+  Vector3 dead_zone = Vector3::Zero();  // z, u, half of its width, not negative
 
   // ScaleFactor
   Vector3 scale_factor = Vector3::Ones();
@@ -37,6 +45,12 @@ struct TriadErrors {
   double reference_temperature_c = 25;          // T0, degrees Celsius
   Matrix3 temperature_scale = Matrix3::Zero();  // 1/K^j
   Matrix3 temperature_bias = Matrix3::Zero();   // u/K^j
+
+  // ThermalDrift
+  Vector3 temperature_rate_bias = Vector3::Zero();  // r, u/(K/s)
+  Vector3 temperature_hysteresis =
+      Vector3::Zero();                   // h, u: half of the gap between the curves of warming and cooling
+  double temperature_hysteresis_c = 10;  // w, K, above 0
 
   // Bias
   Vector3 bias = Vector3::Zero();  // u
@@ -55,9 +69,11 @@ struct TriadErrors {
   // AccelerationSensitivity
   Matrix3 g_sensitivity = Matrix3::Zero();          // u/(m/s^2)
   Matrix3 g_squared_sensitivity = Matrix3::Zero();  // u/(m/s^2)^2
+  Matrix3 cross_sensitivity = Matrix3::Zero();      // u/(m/s^2)^2; columns: f_y f_z, f_z f_x, f_x f_y
 
   // VibrationRectification
-  Vector3 vibration_rectification = Vector3::Zero();  // k, u/(m/s^2)^2
+  Matrix3 vibration_rectification = Matrix3::Zero();  // k, u/(m/s^2)^2; column j: of the vibration along axis j
+  double vibration_average = 0;                       // s, not negative; 0: of Imu's vibration alone
   Vector3 vibration_mean_square = Vector3::Zero();    // <v^2>, (m/s^2)^2; Imu sets it from its vibration
 
   // WhiteNoise
@@ -72,8 +88,18 @@ struct TriadErrors {
   Vector3 correlated_sigma = Vector3::Zero();  // u, standard deviation, not negative
   Vector3 correlation_time = Vector3::Ones();  // s, above 0
 
+  // PopcornNoise
+  Vector3 popcorn_noise = Vector3::Zero();  // p, u, not negative
+  Vector3 popcorn_time = Vector3::Ones();   // s, the mean time between two changes, at least a sample period
+
   // RandomWalk
   Vector3 random_walk_density = Vector3::Zero();  // K, u/s/sqrt(Hz), not negative
+
+  // QuantizationNoise
+  Vector3 quantization_noise = Vector3::Zero();  // Q, u s, not negative
+
+  // FirFilter
+  FirTaps fir_taps;  // the newest value's first
 
   // Bandwidth
   SensorFilter filter;

@@ -8,6 +8,13 @@
 
 namespace imud {
 
+// The surroundings of a sensor that act on its errors.
+struct Surroundings {
+  double temperature_c = 25;    // degrees Celsius, of the sensor
+  double temperature_rate = 0;  // K/s, its mean derivative over the step
+  double vibration_power = 1;   // of Vibration: the factor on its mean square
+};
+
 // TriadErrors defines the unit u. An effect is a class with
 //   static constexpr std::string_view name     from the table in core/README.md
 //   Effect(const TriadErrors&, Quantity, double period_s)
@@ -29,7 +36,7 @@ struct TriadStep {
   double since_power_on;          // s, at the end of the step: the samples taken since then, times their period
   const Vector3& specific_force;  // m/s^2, without errors, in platform axes, at the end of the step
   const Vector3& delta_velocity;  // m/s, its integral over the step
-  double temperature_c = 25;      // degrees Celsius, of the sensor at the end of the step
+  const Surroundings& surroundings = ordinary;  // at the end of the step
 
   Vector3 value;      // u, at the end of the step
   Vector3 increment;  // u s, its integral over the step
@@ -41,6 +48,8 @@ struct TriadStep {
 
   bool begins_run = false;      // there is no value before this one
   std::uint32_t saturated = 0;  // bit i: axis i
+
+  static constexpr Surroundings ordinary{};
 };
 
 struct StatelessEffect {

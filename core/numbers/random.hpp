@@ -39,7 +39,9 @@ enum class Process : std::uint32_t {
   turn_on_draw = 12,  // constant errors of one power on
   correlated_within_step = 13,
   flicker_within_step = 14,
-  flicker = 32,  // of its first octave; the other octaves have the next 31 numbers
+  quantization_noise = 15,
+  popcorn_noise = 16,  // a uniform deviate for each change of an axis
+  flicker = 32,        // of its first octave; the other octaves have the next 31 numbers
 };
 
 // Returns the number of the octave-th process of a cascade, 0 to 31, that begins with `first`.
@@ -91,6 +93,7 @@ class NormalSequence {
   NormalSequence(Quantity quantity, Process process) noexcept : quantity_(quantity), process_(process) {}
   // Discards numbers computed ahead: the next call may have other `normals`.
   void forget() noexcept { number_ = ~std::uint64_t{0}; }
+  Quantity quantity() const noexcept { return quantity_; }
   // Returns N(0, 1) on each axis for sample k. `normals` must be the same in all calls since forget().
   Vector3 at(const Normals& normals, std::uint64_t k) noexcept {
     if (k / batch != number_) compute(normals, k / batch);

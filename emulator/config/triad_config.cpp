@@ -167,13 +167,15 @@ void read_filter(TableReader& table, SensorFilter& filter, double rate_hz) {
 
 // A member that is added to TriadErrors does not compile until it stands here: give it a key, too.
 [[maybe_unused]] void name_every_term(const TriadErrors& errors) {
-  [[maybe_unused]] const auto& [misalignment, scale_factor, scale_factor_asymmetry, quadratic, cubic,
-                                reference_temperature_c, temperature_scale, temperature_bias, bias, walk_transition,
+  [[maybe_unused]] const auto& [misalignment, dead_zone, scale_factor, scale_factor_asymmetry, quadratic, cubic,
+                                reference_temperature_c, temperature_scale, temperature_bias, temperature_rate_bias,
+                                temperature_hysteresis, temperature_hysteresis_c, bias, walk_transition,
                                 walk_sqrt_cov, walk_bound, turn_on_bias, ramp, g_sensitivity, g_squared_sensitivity,
-                                vibration_rectification, vibration_mean_square, white_density, bias_instability,
-                                flicker_from_s, flicker_to_s, correlated_sigma, correlation_time, random_walk_density,
-                                filter, lsb, rounding, carry, max, limits, increment_lsb, unit_sigma, turn_on_sigma] =
-      errors;
+                                cross_sensitivity, vibration_rectification, vibration_average, vibration_mean_square,
+                                white_density, bias_instability, flicker_from_s, flicker_to_s, correlated_sigma,
+                                correlation_time, popcorn_noise, popcorn_time, random_walk_density,
+                                quantization_noise, fir_taps, filter, lsb, rounding, carry, max, limits,
+                                increment_lsb, unit_sigma, turn_on_sigma] = errors;
 }
 
 TriadErrors read_triad(TableReader& table, const SensorKeys& keys, const TriadErrors* product, double rate_hz,
@@ -241,8 +243,10 @@ TriadErrors read_gyro(TableReader table, const TriadErrors* product, double rate
 TriadErrors read_accelerometer(TableReader table, const TriadErrors* product, double rate_hz, Sidedness density) {
   TriadErrors e = read_triad(table, accelerometer_keys, product, rate_hz, density);
   const double ug_per_g2 = 1e-6 / g;
-  e.vibration_rectification = ug_per_g2 * table.per_axis("vibration_rectification_ug_per_g2",
-                                                         e.vibration_rectification / ug_per_g2, -huge, huge);
+  const Vector3 rectification =
+      ug_per_g2 * table.per_axis("vibration_rectification_ug_per_g2",
+                                 Vector3(e.vibration_rectification.diagonal()) / ug_per_g2, -huge, huge);
+  e.vibration_rectification = rectification.asDiagonal();
   table.finish();
   return e;
 }

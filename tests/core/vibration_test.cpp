@@ -119,7 +119,7 @@ TEST(Vibration, HasThePowerOfItsSpectrum) {
 // The bias of an accelerometer shifts by k a^2/2, in values and increments; without vibration it does not.
 TEST(VibrationRectification, OnAShaker) {
   ImuModel model;
-  model.accelerometer.vibration_rectification = {1e-4, 0, -2e-4};
+  model.accelerometer.vibration_rectification = Vector3(1e-4, 0, -2e-4).asDiagonal();
   EXPECT_EQ(still(model, 1000)[5].specific_force, Vector3::Zero());
   model.vibration.sines = {{.frequency_hz = 100, .force = {10, 20, 30}}};
   const std::vector<Sample> samples = still(model, 1000);

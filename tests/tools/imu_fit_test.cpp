@@ -60,13 +60,14 @@ StillRecording recording_of(const std::array<TriadErrors, 2>& errors, const std:
       while (static_cast<double>(k) >= dwells[dwell].end_s * rate_hz) ++dwell;
       const bool is_within = static_cast<double>(k) >= dwells[dwell].begin_s * rate_hz;
       const Vector3 zero = Vector3::Zero(), force = is_within ? *dwells[dwell].force : zero;
+      const Surroundings surroundings = {.temperature_c = dwells[dwell].temperature_c.value_or(25)};
       TriadStep step = {.normals = normals,
                         .k = k,
                         .dt = 1 / rate_hz,
                         .since_power_on = static_cast<double>(k) / rate_hz,
                         .specific_force = force,
                         .delta_velocity = zero,
-                        .temperature_c = dwells[dwell].temperature_c.value_or(25),
+                        .surroundings = surroundings,
                         .value = !is_within    ? zero
                                  : sensor == 0 ? *dwells[dwell].rate
                                                : force,

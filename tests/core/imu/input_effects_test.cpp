@@ -194,7 +194,7 @@ TEST(TriadEffects, AreThoseOfTheReadme) {
 
 TEST(TriadEffects, AreAllThatHaveAFile) {
   std::set<std::string> found;
-  for (const auto& entry : std::filesystem::directory_iterator(IMUD_SOURCE_DIR "/core/effects")) {
+  for (const auto& entry : std::filesystem::recursive_directory_iterator(IMUD_SOURCE_DIR "/core/effects")) {
     std::ifstream file(entry.path());
     std::smatch match;
     for (std::string line; std::getline(file, line);)

@@ -106,7 +106,7 @@ TEST_F(EnvironmentConfig, VibrationIsSinesAndASpectrum) {
     EXPECT_TRUE(vibration.spectrum.rate.empty());
     EXPECT_EQ(vibration.spectrum.axes, Vector3(1, 1, 0.5));
     EXPECT_EQ(vibration.spectrum.lines, 100U);
-    EXPECT_NEAR(m.accelerometer.vibration_rectification.z(), -60e-6 / 9.80665, 1e-18);
+    EXPECT_NEAR(m.accelerometer.vibration_rectification(2, 2), -60e-6 / 9.80665, 1e-18);
   }
   EXPECT_TRUE(model({}).vibration.sines.empty());
   EXPECT_TRUE(reloaded({}).vibration.spectrum.frequency_hz.empty());
