@@ -24,11 +24,12 @@ std::array<AllanTerms, 3> allan_terms(const TriadErrors& errors, double rate_hz)
   const double walk_step = is_walk ? std::sqrt(rate_hz) : 0;
   std::array<AllanTerms, 3> axes;
   for (int i = 0; i < 3; ++i)
-    axes[static_cast<std::size_t>(i)] = {.N = std::hypot(errors.white_density[i], white_step * step[i]),
-                                         .B = errors.bias_instability[i],
-                                         .K = std::hypot(errors.random_walk_density[i], walk_step * step[i]),
-                                         .Q = errors.increment_lsb / std::sqrt(12.0),
-                                         .R = std::abs(errors.ramp[i])};
+    axes[static_cast<std::size_t>(i)] = {
+        .N = std::hypot(errors.white_density[i], white_step * step[i]),
+        .B = errors.bias_instability[i],
+        .K = std::hypot(errors.random_walk_density[i], walk_step * step[i]),
+        .Q = std::hypot(errors.increment_lsb / std::sqrt(12.0), errors.quantization_noise[i]),
+        .R = std::abs(errors.ramp[i])};
   return axes;
 }
 

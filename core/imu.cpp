@@ -9,6 +9,7 @@
 namespace imud {
 
 void Imu::advance(const Timeline& timeline, TruthTime until) noexcept {
+  until = until - model_.sampling_delay;
   if (run_ != Run::truth || until > timeline.newest()) return;
   if (is_held() && until > sampled_) end_hold();
   until = until - model_.sampling_jitter;  // the next sample may be that much earlier
@@ -116,7 +117,7 @@ void Imu::disturb(const MotionState& now, TruthTime time, double dt, Disturbed& 
 }
 
 // Inline, as sense() is: it is most of a step. `Out` is a Sample or a Measured. Changes the true increments.
-template <class Out>
+template <bool Rare, class Out>
 [[gnu::always_inline]] inline void Imu::measure(const MotionState& now, TruthTime time, std::uint64_t k, double dt,
                                                 double since_power_on, bool begins_run, Vector3& delta_angle,
                                                 Vector3& delta_velocity, Out& out) noexcept {
@@ -148,8 +149,8 @@ template <class Out>
                      .begins_run = begins_run};
   };
   TriadStep gyro = step_of(rate, delta_angle), accelerometer = step_of(specific_force, delta_velocity);
-  gyro_.apply(gyro);
-  accelerometer_.apply(accelerometer);
+  gyro_.apply<Rare>(gyro);
+  accelerometer_.apply<Rare>(accelerometer);
   out.rate = gyro.value;
   out.specific_force = accelerometer.value;
   out.delta_angle = gyro.increment;
@@ -176,8 +177,8 @@ IMUD_DISPATCHED [[gnu::noinline]] void Imu::take_internal(const MotionState& now
   Vector3 angle_piece = delta_angle - internal_.true_delta_angle;
   Vector3 velocity_piece = delta_velocity - internal_.true_delta_velocity;
   Measured measured;
-  measure(now, time, internal_number(), seconds(time - internal_.time),
-          internal_.since_power_on + seconds(time - last_time_), false, angle_piece, velocity_piece, measured);
+  measure<true>(now, time, internal_number(), seconds(time - internal_.time),
+                internal_.since_power_on + seconds(time - last_time_), false, angle_piece, velocity_piece, measured);
   ++internal_.taken;
   internal_.time = time;
   internal_.true_delta_angle = delta_angle;
@@ -198,14 +199,14 @@ IMUD_DISPATCHED [[gnu::noinline]] void Imu::measure_last(const MotionState& now,
     internal_ = {.taken = internal_.taken, .time = time};  // the numbers continue
     for (Measured other; has_internal_left(); ++internal_.taken, begins_run = false) {
       Vector3 no_angle = Vector3::Zero(), no_velocity = Vector3::Zero();
-      measure(now, time, internal_number(), 0, since_power_on, begins_run, no_angle, no_velocity, other);
+      measure<true>(now, time, internal_number(), 0, since_power_on, begins_run, no_angle, no_velocity, other);
       internal_.status |= other.status;
     }
   }
   delta_angle -= internal_.true_delta_angle;
   delta_velocity -= internal_.true_delta_velocity;
-  measure(now, time, internal_number(), seconds(time - internal_.time), since_power_on, begins_run, delta_angle,
-          delta_velocity, out);
+  measure<true>(now, time, internal_number(), seconds(time - internal_.time), since_power_on, begins_run, delta_angle,
+                delta_velocity, out);
   out.delta_angle += internal_.delta_angle;
   out.delta_velocity += internal_.delta_velocity;
   out.status |= internal_.status;
@@ -219,10 +220,8 @@ IMUD_DISPATCHED [[gnu::noinline]] void Imu::measure_last(const MotionState& now,
   Sample out;
   out.time = stamp;
   out.counter = counter_;
-  if (temperature_.is_on()) [[unlikely]] {
-    temperature_.update(time_since_power_on(), surroundings_c_);
-    surroundings_ = {temperature_.sensor_c(), temperature_.sensor_rate(), 1};
-  }
+  if (has_surroundings_) [[unlikely]]
+    update_surroundings();
   out.temperature_c = temperature_.reported_c();
 
   Vector3 delta_angle = Vector3::Zero();
@@ -244,10 +243,10 @@ IMUD_DISPATCHED [[gnu::noinline]] void Imu::measure_last(const MotionState& now,
   if (is_disturbed_) [[unlikely]]
     size_effect_.clear();
 
-  if (has_internal()) [[unlikely]]
+  if (measures_slowly_) [[unlikely]]
     measure_last(now, time, is_first, delta_angle, delta_velocity, out);
   else
-    measure(now, time, counter_, dt, time_since_power_on(), is_first, delta_angle, delta_velocity, out);
+    measure<false>(now, time, counter_, dt, time_since_power_on(), is_first, delta_angle, delta_velocity, out);
   out.q_LP = now.q_NB * q_BP_;
   return out;
 }
@@ -278,24 +277,28 @@ IMUD_DISPATCHED Sample Imu::sample_moving(const Timeline& timeline, TruthTime ti
       while (has_internal_left()) take_internal(timeline, std::min(next_internal(), time));
     accumulate(timeline, now);
   }
-  if (temperature_.follows_truth()) [[unlikely]]
-    surroundings_c_ = timeline.temperature_c(time);
+  if (follows_truth_) [[unlikely]]
+    follow_truth(timeline, time);
   Sample out = sense(now, time, is_first, stamp);
   finish(timeline, now, time, out);
   return out;
 }
 
+// Out of line, because a Surroundings is large.
+[[gnu::noinline]] void Imu::sense_surroundings(const Timeline& timeline, const MotionState& now, TruthTime time,
+                                               Sample& out) noexcept {
+  const Timeline::Surroundings given =
+      timeline.has_surroundings() ? timeline.surroundings(time) : Timeline::Surroundings{};
+  sense_earth(earth_, timeline.position(now.time), given, now, out);
+  if (navigation_.latency().count() > 0) delay(timeline, now, out.navigation);
+}
+
 // Adds the other quantities, and the status.
 [[gnu::always_inline]] inline void Imu::finish(const Timeline& timeline, const MotionState& now, TruthTime time,
                                                Sample& out) noexcept {
-  const bool has_given = timeline.has_field_or_pressure();
+  const bool has_given = timeline.has_surroundings();
   const bool has_place = earth_.is_on() && (!earth_.is_automatic() || timeline.has_earth_angle());
-  if (has_place || has_given) {
-    const GivenFields given =
-        has_given ? GivenFields{timeline.magnetic_field_B(time), timeline.pressure(time)} : GivenFields{};
-    sense_earth(earth_, timeline.position(now.time), given, now, out);
-    if (navigation_.latency().count() > 0) delay(timeline, now, out.navigation);
-  }
+  if (has_place || has_given) sense_surroundings(timeline, now, time, out);
   if (navigation_.is_on()) navigation_.apply(out, normals_, counter_);
   out.status |= now.derived;
   if (now.basis != MotionState::Basis::interpolated) out.status |= status::truth_extrapolated;

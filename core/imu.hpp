@@ -51,11 +51,15 @@ struct ImuModel {
   DeltaVelocity delta_velocity = DeltaVelocity::integral;
   // Each sample is taken by up to this before its nominal instant; not negative, below the sample period.
   Nanoseconds sampling_jitter{0};
+  // Each sample is of the truth that long before its instant, which its stamp has; not negative. Before the first
+  // truth of a run the motion is the first truth's.
+  Nanoseconds sampling_delay{0};
   VibrationModel vibration;
   double temperature_c = 25.0;  // of the sensor, unless the temperature model has another
   TemperatureModel temperature;
   EarthModel earth;
   TriadErrors magnetometer;
+  Vector3 current_field = Vector3::Zero();  // T/A, platform axes: the field of the vehicle's electric current
   BarometerErrors barometer;
   NavigationErrors navigation;
 };
@@ -111,6 +115,8 @@ class Imu {
   // Draws the errors that differ from one power on to the next (TriadErrors::turn_on_bias and turn_on_sigma).
   // `number` counts them from 0, with which an Imu begins. The other errors continue.
   void power_on(std::uint64_t number) noexcept;
+  // The supply goes off: the sensor cools down until power_on(). Samples may go on.
+  void power_off() noexcept { temperature_.power_off(time_since_power_on()); }
 
   // Allocates memory for set_filters(): boxcars of one stage and at most this length.
   void reserve_filters(int length);
@@ -132,6 +138,7 @@ class Imu {
   // Returns the sample at `time`, with the device's own time `stamp`. `time` is not before the last sample of this
   // run; if it is the same, the sample is held. `timeline` is not empty.
   Sample sample(const Timeline& timeline, TruthTime time, DeviceTime stamp) noexcept {
+    time = time - model_.sampling_delay;
     const bool is_around_hold = time <= sampled_ || (held_.count() | may_catch_up_.count()) != 0;
     if (is_around_hold && run_ == Run::truth) [[unlikely]]
       return sample_around_hold(timeline, time, stamp);
@@ -187,7 +194,7 @@ class Imu {
   void take_internal(const MotionState& now, TruthTime time) noexcept;
   void measure_last(const MotionState& now, TruthTime time, bool is_first, Vector3 delta_angle,
                     Vector3 delta_velocity, Sample& out) noexcept;
-  template <class Out>
+  template <bool Rare, class Out>
   void measure(const MotionState& now, TruthTime time, std::uint64_t k, double dt, double since_power_on,
                bool begins_run, Vector3& delta_angle, Vector3& delta_velocity, Out& out) noexcept;
   struct Disturbed {
@@ -208,16 +215,15 @@ class Imu {
   void accumulate(const Timeline& timeline, const MotionState& end) noexcept;
   void add_piece(const MotionState& end) noexcept;
   Sample sense(const MotionState& now, TruthTime time, bool is_first, DeviceTime stamp) noexcept;
-  // The quantities that a simulator gives instead of the models of the Earth.
-  struct GivenFields {
-    std::optional<Vector3> magnetic_field_B;
-    std::optional<double> pressure;
-  };
-  void sense_earth(const Earth& earth, PositionVelocity position, const GivenFields& given, const MotionState& now,
-                   Sample& out) noexcept;
+  void sense_surroundings(const Timeline& timeline, const MotionState& now, TruthTime time, Sample& out) noexcept;
+  // `given` takes the place of the models of the Earth.
+  void sense_earth(const Earth& earth, PositionVelocity position, const Timeline::Surroundings& given,
+                   const MotionState& now, Sample& out) noexcept;
   void delay(const Timeline& timeline, const MotionState& now, Navigation& navigation) const noexcept;
   void move_to_sensor(const MotionState& state, PositionVelocity& position) const noexcept;
   void draw_constants() noexcept;
+  void follow_truth(const Timeline& timeline, TruthTime time) noexcept;
+  void update_surroundings() noexcept;
   Vector3 true_delta_angle_B(const MotionState& now) const noexcept;
   Vector3 true_delta_velocity_B(const MotionState& now) const noexcept;
 
@@ -241,6 +247,9 @@ class Imu {
   Barometer barometer_;
   NavigationError navigation_;
   bool is_disturbed_;             // disturb() does something
+  bool measures_slowly_;          // it has internal samples, or rare effects
+  bool follows_truth_;            // follow_truth() does something
+  bool has_surroundings_;         // update_surroundings() does something
   bool had_field_ = false;        // the last sample of this run had a magnetic field
   double period_s_;               // of the samples, nominal
   std::uint64_t powered_on_ = 0;  // the number of the first sample since power on

@@ -29,7 +29,8 @@ void Imu::continue_from(const Imu& before) noexcept {
   barometer_.continue_from(before.barometer_, normals_, counter_);
   navigation_.continue_from(before.navigation_, normals_, counter_);
   temperature_.continue_from(before.temperature_);
-  surroundings_.temperature_c = temperature_.sensor_c();
+  vibration_.continue_from(before.vibration_);
+  surroundings_ = {temperature_.sensor_c(), before.surroundings_.temperature_rate, vibration_.power_factor()};
 
   run_ = before.run_;
   last_ = before.last_;

@@ -23,8 +23,8 @@ void Imu::move_to_sensor(const MotionState& state, PositionVelocity& position) c
 
 // Adds the place of S, from the place of B's origin, and the magnetic field and pressure there. Both are the truth's
 // if given, and otherwise come from the Earth's models at a known place.
-void Imu::sense_earth(const Earth& earth, PositionVelocity position, const GivenFields& given, const MotionState& now,
-                      Sample& out) noexcept {
+void Imu::sense_earth(const Earth& earth, PositionVelocity position, const Timeline::Surroundings& given,
+                      const MotionState& now, Sample& out) noexcept {
   move_to_sensor(now, position);
   out.navigation = earth.navigation(position);
   const bool is_known = out.navigation.is_known;
@@ -40,11 +40,20 @@ void Imu::sense_earth(const Earth& earth, PositionVelocity position, const Given
     out.magnetic_field = q_NP.conjugate() * (now.q_NB * *given.magnetic_field_B);
   else if (is_known)
     out.magnetic_field = out.q_LP.conjugate() * earth.magnetic_field_L(out.navigation);
-  if (given.pressure || is_known)
-    out.pressure =
-        barometer_.measure(given.pressure ? *given.pressure : earth.pressure(out.navigation), normals_, counter_);
-  else
+  if (const auto current = given.vehicle[VehicleState::current]; current && has_field)
+    out.magnetic_field += *current * model_.current_field;
+  if (given.pressure || is_known) {
+    double pressure = given.pressure ? *given.pressure : earth.pressure(out.navigation);
+    if (barometer_.errors().has_port_error()) {
+      const Vector3 v_P = is_known ? Vector3(out.q_LP.conjugate() * out.navigation.v_L) : Vector3(Vector3::Zero());
+      const AirFlow flow = {model_.dcm_PB.transpose() * v_P, given.vehicle[VehicleState::airspeed],
+                            given.vehicle[VehicleState::dynamic_pressure]};
+      pressure += port_error(barometer_.errors(), flow, pressure);
+    }
+    out.pressure = barometer_.measure(pressure, normals_, counter_, surroundings_.temperature_c);
+  } else {
     barometer_.pass(normals_, counter_);
+  }
   const Vector3 none = Vector3::Zero();
   TriadStep step = {.normals = normals_,
                     .k = counter_,

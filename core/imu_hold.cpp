@@ -32,7 +32,7 @@ Sample Imu::sample_held(const Timeline& timeline, DeviceTime stamp) noexcept {
   }
   MotionState now = held_at(time);
   add_piece(now);
-  if (temperature_.follows_truth()) surroundings_c_ = timeline.temperature_c(sampled_);
+  if (follows_truth_) follow_truth(timeline, sampled_);
   Sample out = sense_slowly(now, time, false, stamp);
   now.time = sampled_;
   finish_slowly(timeline, now, out);

@@ -32,8 +32,8 @@ Imu::Imu(const ImuModel& model, std::uint64_t seed, std::uint32_t stream)
       unit_normals_(normals_),
       power_on_normals_(normals_),
       vibration_(model.vibration, normals_),
-      gyro_(in_vibration(drawn_errors(model.gyro, Quantity::rate, normals_, normals_, 0), vibration_),
-            Quantity::rate, internal_period_s(model)),
+      gyro_(in_vibration(drawn_errors(model.gyro, Quantity::rate, normals_, normals_, 0), vibration_), Quantity::rate,
+            internal_period_s(model)),
       accelerometer_(in_vibration(drawn_errors(model.accelerometer, Quantity::specific_force, normals_, normals_, 0),
                                   vibration_),
                      Quantity::specific_force, internal_period_s(model)),
@@ -46,8 +46,26 @@ Imu::Imu(const ImuModel& model, std::uint64_t seed, std::uint32_t stream)
       barometer_(model.barometer, 1.0 / model.rate_hz),
       navigation_(model.navigation, 1.0 / model.rate_hz),
       is_disturbed_(vibration_.is_on() || size_effect_.is_on()),
+      measures_slowly_(has_internal() || gyro_.has_rare() || accelerometer_.has_rare()),
+      follows_truth_(temperature_.follows_truth() || vibration_.follows()),
+      has_surroundings_(temperature_.is_on() || vibration_.follows()),
       period_s_(1.0 / model.rate_hz) {
   surroundings_.temperature_c = model.temperature_c;
+  barometer_.draw(normals_);
+}
+
+// Takes the part of the surroundings that the truth at `time` has.
+void Imu::follow_truth(const Timeline& timeline, TruthTime time) noexcept {
+  if (temperature_.follows_truth()) surroundings_c_ = timeline.temperature_c(time);
+  if (!vibration_.follows()) return;
+  const std::optional<VehicleState> followed = vibration_.followed();
+  vibration_.follow(time, followed ? timeline.vehicle(*followed, time) : std::nullopt,
+                    timeline.vehicle(VehicleState::rotor_speed, time));
+}
+
+void Imu::update_surroundings() noexcept {
+  if (temperature_.is_on()) temperature_.update(time_since_power_on(), surroundings_c_);
+  surroundings_ = {temperature_.sensor_c(), temperature_.sensor_rate(), vibration_.power_factor()};
 }
 
 void Imu::seek(std::uint64_t k) noexcept {
@@ -61,6 +79,7 @@ void Imu::seek(std::uint64_t k) noexcept {
 }
 
 void Imu::power_on(std::uint64_t number) noexcept {
+  temperature_.power_on(time_since_power_on());
   powered_on_ = counter_;
   power_ons_ = number;
   power_on_normals_ = normals_;

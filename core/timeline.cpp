@@ -89,7 +89,7 @@ struct Timeline::Turn {
   Vector3 phi, first, second;
 };
 
-Timeline::Timeline(const Limits& limits) : limits_(limits), knots_(capacity) {}
+Timeline::Timeline(const Limits& limits) : limits_(limits), knots_(capacity), vehicles_(capacity) {}
 
 Admission Timeline::classify(const Truth& truth) const noexcept {
   if (count_ == 0) return Admission::new_run;
@@ -130,7 +130,8 @@ IMUD_DISPATCHED Admission Timeline::push(const Truth& truth, TruthTime watermark
     begin_run(truth);
   else
     append(truth);
-  has_field_or_pressure_ = has_field_or_pressure_ || truth.has_magnetic_field || truth.has_pressure;
+  if (truth.has_magnetic_field | truth.has_pressure | !truth.vehicle.is_empty()) [[unlikely]]
+    take_surroundings(truth);
   if (truth.has_earth_angle) [[unlikely]]
     has_earth_angle_ = true;
   newest_sequence_ = truth.sequence;
@@ -140,7 +141,8 @@ IMUD_DISPATCHED Admission Timeline::push(const Truth& truth, TruthTime watermark
 void Timeline::begin_run(const Truth& truth) noexcept {
   first_ = 0;
   count_ = 0;
-  has_field_or_pressure_ = has_earth_angle_ = false;
+  has_surroundings_ = has_earth_angle_ = false;
+  if (has_vehicle_) std::ranges::fill(vehicles_, VehicleAt{});
   run_start_ = truth.time;
   run_start_sequence_ = truth.sequence;
   append(truth);
@@ -165,7 +167,10 @@ Timeline::Knot& Timeline::make_room(std::size_t i) noexcept {
   } else {
     ++count_;
   }
-  for (std::size_t j = count_ - 1; j > i; --j) knot(j) = knot(j - 1);
+  for (std::size_t j = count_ - 1; j > i; --j) {
+    knot(j) = knot(j - 1);
+    if (has_vehicle_) vehicles_[(first_ + j) % capacity] = vehicles_[(first_ + j - 1) % capacity];
+  }
   return knot(i);
 }
 
@@ -413,26 +418,6 @@ PositionVelocity Timeline::position(TruthTime time) const noexcept {
   return {true, time, begin.position.r_N + Hermite::value(s)(h * v1, step, h * v2),
           Hermite::derivative(s)(v1, step / h, v2), begin.position.earth_angle};
 }
-
-template <class Value>
-std::optional<Value> Timeline::linear(std::optional<Value> Knot::*member, TruthTime time) const noexcept {
-  std::size_t i = count_ - 1;
-  if (time <= newest()) i = time <= knot(0).state.time ? 0 : segment_end(time);
-  const std::optional<Value>& end = knot(i).*member;
-  if (!end || i == 0 || time >= knot(i).state.time) return end;
-  const std::optional<Value>& begin = knot(i - 1).*member;
-  if (!begin) return end;
-  const double s = seconds(time - knot(i - 1).state.time) / knot(i).h_s;
-  return *begin + s * (*end - *begin);
-}
-
-std::optional<double> Timeline::temperature_c(TruthTime time) const noexcept {
-  return linear(&Knot::temperature_c, time);
-}
-std::optional<Vector3> Timeline::magnetic_field_B(TruthTime time) const noexcept {
-  return linear(&Knot::magnetic_field_B, time);
-}
-std::optional<double> Timeline::pressure(TruthTime time) const noexcept { return linear(&Knot::pressure, time); }
 
 TruthTime Timeline::next_truth(TruthTime time) const noexcept {
   if (count_ == 0 || time >= newest()) return never;

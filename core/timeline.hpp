@@ -142,15 +142,21 @@ class Timeline {
   // before the oldest truth, that truth's own. Must not be called if empty().
   PositionVelocity position(TruthTime time) const noexcept;
 
-  // Return the temperature of the surroundings at `time`, degrees Celsius, the magnetic field, T, and the static
-  // pressure, Pa: linear between two truths that carry it, after the newest truth and before the oldest one that
-  // truth's own; nullopt if the truth there has none. Must not be called if empty().
+  // Return the temperature of the surroundings at `time`, degrees Celsius, a state of the vehicle, in SI, and all
+  // that acts on the surroundings beside the temperature: linear between two truths that carry it, after the newest
+  // truth and before the oldest one that truth's own; nullopt if the truth there has none. Must not be called if
+  // empty().
   std::optional<double> temperature_c(TruthTime time) const noexcept;
-  std::optional<Vector3> magnetic_field_B(TruthTime time) const noexcept;
-  std::optional<double> pressure(TruthTime time) const noexcept;
-  // Return whether any truth of the run carries a magnetic field or a pressure, and whether any relates N to the
+  std::optional<double> vehicle(VehicleState state, TruthTime time) const noexcept;
+  struct Surroundings {
+    std::optional<Vector3> magnetic_field_B;  // T
+    std::optional<double> pressure;           // Pa, static
+    VehicleStates vehicle;
+  };
+  Surroundings surroundings(TruthTime time) const noexcept;
+  // Return whether any truth of the run carries one of the Surroundings, and whether any relates N to the
   // Earth.
-  bool has_field_or_pressure() const noexcept { return has_field_or_pressure_; }
+  bool has_surroundings() const noexcept { return has_surroundings_; }
   bool has_earth_angle() const noexcept { return has_earth_angle_; }
 
   // Returns the time of the first truth after `time`, or `never`. at() is smooth between `time` and there.
@@ -193,6 +199,7 @@ class Timeline {
   void insert(const Truth& truth) noexcept;
   Knot& make_room(std::size_t i) noexcept;
   static void place(const Truth& truth, Knot& knot) noexcept;
+  void take_surroundings(const Truth& truth) noexcept;
   static void link(const Knot& before, Knot& knot) noexcept;
   struct Turn;
   static Turn turn(const Knot& begin, const Knot& end, double s) noexcept;
@@ -200,14 +207,22 @@ class Timeline {
   static void interpolate(const Knot& begin, const Knot& end, double s, MotionState& state) noexcept;
   MotionState extrapolate(TruthTime time) const noexcept;
   MotionState before_run(TruthTime time) const noexcept;
-  template <class Value>
-  std::optional<Value> linear(std::optional<Value> Knot::*member, TruthTime time) const noexcept;
+  // `member` returns an optional value of knot i.
+  template <class Member>
+  auto linear(Member member, TruthTime time) const noexcept -> decltype(member(0));
 
   Limits limits_;
   std::vector<Knot> knots_;  // ring
+  // The states in the truth of a knot, if it has the knot's time; otherwise it has none.
+  struct VehicleAt {
+    TruthTime time = never;
+    VehicleStates states;
+  };
+  std::vector<VehicleAt> vehicles_;  // ring, as the knots
   std::size_t first_ = 0;
   std::size_t count_ = 0;
-  bool has_field_or_pressure_ = false;
+  bool has_surroundings_ = false;
+  bool has_vehicle_ = false;  // any truth so far has a state of the vehicle
   bool has_earth_angle_ = false;
   TruthTime run_start_;
   std::uint32_t run_start_sequence_ = 0;

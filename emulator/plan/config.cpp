@@ -47,7 +47,8 @@ ImuConfig ideal(const ImuConfig& imu) {
   model.accelerometer = ideal(model.accelerometer);
   model.magnetometer = ideal(model.magnetometer);
   model.accelerometer_positions.setZero();
-  model.sampling_jitter = Nanoseconds{0};
+  model.sampling_jitter = model.sampling_delay = Nanoseconds{0};
+  model.current_field.setZero();
   model.barometer = BarometerErrors{};
   model.navigation = NavigationErrors{};
   return same;

@@ -45,6 +45,53 @@ TEST_F(GivenFields, AreMeasuredWithoutAnEarth) {
   EXPECT_EQ(none.pressure, 0.0);
 }
 
+// Linear between two truths that carry a state; a truth without it has none.
+TEST_F(GivenFields, HaveStatesOfTheVehicle) {
+  Timeline timeline;
+  Truth truth = truth_at(0);
+  timeline.push(truth);
+  EXPECT_FALSE(timeline.vehicle(VehicleState::throttle, truth.time));
+  truth = truth_at(100);
+  truth.vehicle.set(VehicleState::throttle, 0.5);
+  timeline.push(truth);
+  truth = truth_at(200);
+  truth.vehicle.set(VehicleState::throttle, 0.7);
+  truth.vehicle.set(VehicleState::current, -12);
+  timeline.push(truth);
+  const auto at = [](std::int64_t ms) { return TruthTime{ms * 1'000'000}; };
+  EXPECT_FALSE(timeline.vehicle(VehicleState::throttle, at(0)));
+  EXPECT_NEAR(timeline.vehicle(VehicleState::throttle, at(150)).value(), 0.6, 1e-15);
+  EXPECT_EQ(timeline.vehicle(VehicleState::current, at(150)).value(), -12);
+  EXPECT_EQ(timeline.surroundings(at(200)).vehicle[VehicleState::throttle], 0.7);
+  EXPECT_FALSE(timeline.surroundings(at(200)).vehicle[VehicleState::airspeed]);
+  truth.vehicle.set(VehicleState::airspeed, 2 * truth_limit::vehicle);
+  EXPECT_FALSE(is_in_range(truth));
+}
+
+TEST_F(GivenFields, OfAnElectricCurrentAddToTheField) {
+  ImuModel model;
+  model.current_field = {1e-7, 0, -2e-7};
+  Imu imu(model, 1, 1);
+  Timeline timeline;
+  Truth truth = truth_at(0);
+  truth.vehicle.set(VehicleState::current, 30);
+  timeline.push(truth);
+  EXPECT_LT((sample_of(imu, timeline, 0).magnetic_field - truth.magnetic_field_B - Vector3(3e-6, 0, -6e-6)).norm(),
+            1e-18);
+}
+
+// A port of 0.1 in a flow of 50 Pa, at the pressure that the truth gives.
+TEST_F(GivenFields, OfTheAirActOnTheBarometer) {
+  ImuModel model;
+  model.barometer.port = 0.1;
+  Imu imu(model, 1, 1);
+  Timeline timeline;
+  Truth truth = truth_at(0);
+  truth.vehicle.set(VehicleState::dynamic_pressure, 50);
+  timeline.push(truth);
+  EXPECT_NEAR(sample_of(imu, timeline, 0).pressure, 90'005, 1e-9);
+}
+
 TEST_F(GivenFields, TakeThePlaceOfTheEarthsModels) {
   ImuModel model;
   model.earth.frame = EarthModel::Frame::local;

@@ -33,6 +33,23 @@ ImuModel jittering(Nanoseconds jitter) {
   return model;
 }
 
+// The truth of 3.2 ms before, with the stamp of the nominal instant, and before the first truth its motion.
+TEST(SamplingDelay, IsTheAgeOfASample) {
+  const std::vector<TruthTime> times = instants(1000, 1s);
+  ImuModel model;
+  model.sampling_delay = 3200us;
+  const std::vector<Sample> samples = drive(model, turntable, times, times);
+  ASSERT_EQ(samples.size(), times.size());
+  double sum = 0;
+  for (std::size_t k = 0; k < samples.size(); ++k) {
+    const double true_time = std::max(0.0, seconds(times[k] - TruthTime{}) - 3.2e-3);
+    EXPECT_NEAR(samples[k].rate.x(), acceleration * true_time, 1e-9) << k;
+    EXPECT_EQ(samples[k].time.ns, times[k].ns);
+    sum += samples[k].delta_angle.x();
+    EXPECT_NEAR(sum, 0.5 * acceleration * true_time * true_time, 1e-8) << k;
+  }
+}
+
 TEST(SamplingJitter, IsUniformBeforeTheNominalInstant) {
   const std::vector<TruthTime> times = instants(1000, 10s);
   const std::vector<Sample> samples = drive(jittering(800us), turntable, times, times);

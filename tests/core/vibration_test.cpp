@@ -133,6 +133,65 @@ TEST(VibrationRectification, OnAShaker) {
   EXPECT_LT((sum - expected).norm(), 1e-10);
 }
 
+// The gyros' shift is a matrix of the accelerations' mean squares, and follows the square of the envelope.
+TEST(VibrationRectification, OfGyrosFollowsTheEnvelope) {
+  ImuModel model;
+  model.gyro.vibration_rectification << 0, 1e-5, 0, 0, 0, 0, 0, 0, 2e-5;
+  model.vibration.sines = {{.frequency_hz = 100, .force = {10, 20, 30}}};
+  model.vibration.envelope = {.of = std::nullopt, .at = {0, 1}, .factor = {1, 3}};
+  const std::vector<Sample> samples = still(model, 1000);
+  for (const std::size_t k : {0U, 250U, 1000U}) {
+    const double factor = 1 + 2e-3 * static_cast<double>(k);
+    EXPECT_LT((samples[k].rate - factor * factor * Vector3(1e-5 * 200, 0, 2e-5 * 450)).norm(), 1e-12) << k;
+  }
+}
+
+// A rotor of 6000 rpm: harmonics of 100 Hz, whose integrals are exact; a throttle that scales them.
+TEST(Vibration, FollowsARotorAndItsThrottle) {
+  ImuModel model;
+  model.vibration.harmonics = {{.order = 1, .force = {3, 0, 0}, .rate = {0, 0.1, 0}},
+                               {.order = 2.5, .force = {0, 2, 0}, .phase = 0.4}};
+  model.vibration.envelope = {.of = VehicleState::throttle, .at = {0, 1}, .factor = {0, 10}};
+  const auto samples = drive(
+      model,
+      [](TruthTime t) {
+        Truth truth;
+        truth.time = t;
+        truth.has_specific_force = true;
+        truth.vehicle.set(VehicleState::rotor_speed, 200 * pi);
+        truth.vehicle.set(VehicleState::throttle, 0.3);
+        return truth;
+      },
+      instants(50, 1s), instants(700, 1s), 1);
+  ASSERT_EQ(samples.size(), 701U);
+  const auto integral = [](double omega, double phase, double t1, double t2) {
+    return (std::cos(omega * t1 + phase) - std::cos(omega * t2 + phase)) / omega;
+  };
+  double t1 = 0;
+  for (std::size_t k = 1; k < samples.size(); ++k) {
+    const double t2 = seconds(samples[k].time - DeviceTime{}), omega = 200 * pi;
+    const Vector3 force(9 * std::sin(omega * t2), 6 * std::sin(2.5 * omega * t2 + 0.4), 0);
+    EXPECT_LT((samples[k].specific_force - force).norm(), 1e-6) << k;  // the times are rounded to 1 ns
+    EXPECT_NEAR(samples[k].rate.y(), 0.3 * std::sin(omega * t2), 1e-6) << k;
+    const Vector3 velocity(9 * integral(omega, 0, t1, t2), 6 * integral(2.5 * omega, 0.4, t1, t2), 0);
+    EXPECT_LT((samples[k].delta_velocity - velocity).norm(), 1e-8) << k;
+    EXPECT_NEAR(samples[k].delta_angle.y(), 0.3 * integral(omega, 0, t1, t2), 1e-9) << k;
+    t1 = t2;
+  }
+}
+
+// Without the states, the factor is the one of 0, and a rotor stands still.
+TEST(Vibration, StandsStillWithoutTheStatesOfTheTruth) {
+  ImuModel model;
+  model.vibration.harmonics = {{.order = 1, .force = {3, 0, 0}, .phase = pi / 2}};
+  model.vibration.envelope = {.of = VehicleState::airspeed, .at = {0, 50}, .factor = {0.5, 10}};
+  const std::vector<Sample> samples = still(model, 100);
+  for (std::size_t k = 1; k < samples.size(); ++k) {
+    EXPECT_NEAR(samples[k].specific_force.x(), 1.5, 1e-12);
+    EXPECT_NEAR(samples[k].delta_velocity.x(), 0.015, 1e-12);
+  }
+}
+
 // Effects that respond to specific force respond to that of the vibration.
 TEST(Vibration, IsAnInputOfTheEffects) {
   ImuModel model;

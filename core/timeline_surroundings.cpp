@@ -1,0 +1,54 @@
+// The part of a Timeline that surrounds the vehicle: fields, pressure, temperature and the vehicle's own states.
+#include <cstddef>
+
+#include "core/timeline.hpp"
+
+namespace imud {
+
+// The truth is in its knot.
+[[gnu::noinline]] void Timeline::take_surroundings(const Truth& truth) noexcept {
+  has_surroundings_ = true;
+  if (truth.vehicle.is_empty()) return;
+  has_vehicle_ = true;
+  std::size_t i = count_ - 1;
+  while (i > 0 && knot(i).state.time != truth.time) --i;
+  vehicles_[(first_ + i) % capacity] = {truth.time, truth.vehicle};
+}
+
+template <class Member>
+auto Timeline::linear(Member member, TruthTime time) const noexcept -> decltype(member(0)) {
+  std::size_t i = count_ - 1;
+  if (time <= newest()) i = time <= knot(0).state.time ? 0 : segment_end(time);
+  const auto end = member(i);
+  if (!end || i == 0 || time >= knot(i).state.time) return end;
+  const auto begin = member(i - 1);
+  if (!begin) return end;
+  const double s = seconds(time - knot(i - 1).state.time) / knot(i).h_s;
+  return *begin + s * (*end - *begin);
+}
+
+std::optional<double> Timeline::temperature_c(TruthTime time) const noexcept {
+  return linear([this](std::size_t i) { return knot(i).temperature_c; }, time);
+}
+std::optional<double> Timeline::vehicle(VehicleState state, TruthTime time) const noexcept {
+  if (!has_vehicle_) return std::nullopt;
+  return linear(
+      [this, state](std::size_t i) {
+        const VehicleAt& at = vehicles_[(first_ + i) % capacity];
+        return at.time == knot(i).state.time ? at.states[state] : std::nullopt;
+      },
+      time);
+}
+
+Timeline::Surroundings Timeline::surroundings(TruthTime time) const noexcept {
+  Surroundings found = {linear([this](std::size_t i) { return knot(i).magnetic_field_B; }, time),
+                        linear([this](std::size_t i) { return knot(i).pressure; }, time),
+                        {}};
+  for (std::size_t i = 0; i < vehicle_state_count; ++i) {
+    const auto state = static_cast<VehicleState>(i);
+    if (const auto value = vehicle(state, time)) found.vehicle.set(state, *value);
+  }
+  return found;
+}
+
+}  // namespace imud
