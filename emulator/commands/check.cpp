@@ -69,6 +69,8 @@ void print_text(const std::string& path, const Config& config) {
                line_load(imu).text());
     if (!imu.second_port.empty())
       fmt::print("{:<8} second port {}: {}\n", "", imu.second_port, line_load(imu, 1).text());
+    if (imu.protocol->layout != nullptr)
+      for (const std::string& line : imu.protocol->layout(imu.settings)) fmt::print("{:<8} {}\n", "", line);
     for (const std::string& copy : imu.also) fmt::print("{:<8} the same bytes to {}\n", "", copy);
     if (imu.before_first == BeforeFirst::rest) fmt::print("{:<8} samples a vehicle at rest until truth comes\n", "");
     fmt::print("{:<8} errors of the model {}{}\n", "", imu.errors_model, model_note(imu));
@@ -110,6 +112,7 @@ void print_json(const std::string& path, const Config& config) {
     Json lines = Json::array({load_json(imu.port, line_load(imu))});
     if (!imu.second_port.empty()) lines.push_back(load_json(imu.second_port, line_load(imu, 1)));
     Json imu_json = {{"name", imu.name}, {"model", imu.errors_model}, {"lines", std::move(lines)}};
+    if (imu.protocol->layout != nullptr) imu_json["layout"] = imu.protocol->layout(imu.settings);
     for (const TriadTerms& triad : triad_terms(imu.model)) {
       const auto& [x, y, z] = triad.axes;
       for (const auto& [name, term] :
@@ -121,12 +124,12 @@ void print_json(const std::string& path, const Config& config) {
         imu_json["noise"][triad.name][name] = Json::array({x.*term, y.*term, z.*term});
     }
     for (const TriadFilter& triad : triad_filters(imu.model)) {
-      const auto delay = [&](int axis) { return group_delay_s(triad.filter, axis, triad.rate_hz); };
       const Vector3& cut_off = triad.filter.cut_off_hz;
       imu_json["filters"][triad.name] = {
           {"rate_hz", triad.rate_hz},      {"low_pass_hz", {cut_off[0], cut_off[1], cut_off[2]}},
           {"order", triad.filter.order},   {"length", triad.filter.length},
-          {"stages", triad.filter.stages}, {"group_delay_s", {delay(0), delay(1), delay(2)}}};
+          {"stages", triad.filter.stages}, {"group_delay_s", {triad.delay_s(0), triad.delay_s(1), triad.delay_s(2)}}};
+      if (triad.taps) imu_json["filters"][triad.name]["fir_taps"] = *triad.taps;
     }
     imus.push_back(std::move(imu_json));
   }

@@ -11,6 +11,7 @@
 
 #include "emulator/config/entries.hpp"
 #include "emulator/faults/fault_kinds.hpp"
+#include "emulator/frames/frame_file.hpp"
 #include "emulator/plan/fault_units.hpp"
 #include "protocols/quantities/truth_quantities.hpp"
 
@@ -57,6 +58,12 @@ Json described(const Protocol& protocol) {
   json["link"] = protocol.link == Link::can ? "CAN" : "bytes";
   json["models"] = default_models(protocol);
   json["settings"] = described(protocol.settings);
+  if (std::ranges::any_of(protocol.settings, &Setting::names_frames))
+    for (const ShippedFrames& shipped : shipped_frames()) {
+      const auto description = read_frames(std::string(shipped.name));
+      json["descriptions"].push_back(
+          {{"name", shipped.name}, {"summary", description->name}, {"document", description->document}});
+    }
   json["counters"] = Json::array();
   for (const DeviceCounter& counter : protocol.counters)
     json["counters"].push_back({{"key", counter.key}, {"help", counter.words}});
@@ -142,6 +149,9 @@ void print(const Json& entry) {
   }
   for (const char* key : {"settings", "options"})
     if (entry.contains(key)) print_table(key, entry[key]);
+  if (entry.contains("descriptions")) fmt::print("  descriptions that are shipped:\n");
+  for (const Json& shipped : entry.value("descriptions", Json::array()))
+    fmt::print("  {:<24} {} [{}]\n", text(shipped, "name"), text(shipped, "summary"), text(shipped, "document"));
   if (entry.contains("counters") && !entry["counters"].empty()) {
     fmt::print("  counters of its own, in the summary and in limits:\n");
     print_table("counters", entry["counters"]);
@@ -210,7 +220,8 @@ int list(const std::string& name, bool json) {
     for (const Protocol* protocol : protocols()) add(protocol);
     for (const TruthFormat* format : truth_formats()) add(format);
     for (const Transport* transport : transports()) add(transport);
-    for (const Preset& preset : presets()) add(&preset);
+    for (const auto all : {presets(), field_presets()})
+      for (const Preset& preset : all) add(&preset);
   }
   if (json) {
     fmt::print("{}\n", chosen.dump(2));

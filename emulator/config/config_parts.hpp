@@ -75,7 +75,8 @@ TriadErrors read_gyro(TableReader table, const TriadErrors* product, double rate
                       Sidedness density = Sidedness::none);
 TriadErrors read_accelerometer(TableReader table, const TriadErrors* product, double rate_hz,
                                Sidedness density = Sidedness::none);
-TriadErrors read_magnetometer(TableReader table, const TriadErrors* product, double rate_hz);
+// `current_field` gets the field of an electric current, T/A.
+TriadErrors read_magnetometer(TableReader table, const TriadErrors* product, double rate_hz, Vector3& current_field);
 
 // Read a barometer's errors, over the product's errors, and a navigation solution's errors (navigation_config.cpp).
 void read_barometer(TableReader table, BarometerErrors& errors);
@@ -88,7 +89,10 @@ TemperatureModel read_temperature(TableReader table);
 // Reads where the web server listens (web/web_config.cpp).
 WebConfig read_web(TableReader table);
 
-// Reads the sampling jitter of an imu, whose grid must be set (environment_config.cpp).
+// Reads the `model` of a magnetometer or a barometer, a preset that `has` one; nullopt if there is none.
+std::optional<PresetErrors> read_field_model(TableReader& table, bool (*has)(const PresetErrors&), double rate_hz);
+
+// Reads sampling jitter and delay of an imu, whose grid must be set (environment_config.cpp).
 void read_jitter(TableReader& table, ImuConfig& imu);
 
 // Reads the [[imu]] of that index (imu_config.cpp).

@@ -20,7 +20,8 @@ std::optional<Entries> find_entries(const std::string& name) {
   std::vector<std::string> known = names(protocols());
   for (const auto& more : {names(truth_formats()), names(transports())})
     known.insert(known.end(), more.begin(), more.end());
-  for (const Preset& preset : presets()) known.emplace_back(preset.name);
+  for (const auto all : {presets(), field_presets()})
+    for (const Preset& preset : all) known.emplace_back(preset.name);
   fmt::print(stderr, "imud: there is no protocol, truth format, transport or preset \"{}\"; {}\n", name,
              suggestion(name, known, "see imud list"));
   return std::nullopt;

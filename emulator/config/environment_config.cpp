@@ -60,12 +60,59 @@ void read_spectrum(TableReader& table, VibrationModel::Spectrum& spectrum) {
   for (double& density : spectrum.rate) density *= deg * deg;
 }
 
+void read_harmonics(TableReader& table, VibrationModel& model) {
+  const std::vector<double> order = table.numbers("harmonic", 1e-3, 1e3);
+  const std::vector<Vector3> force = rows(table, "harmonic_g"), rate = rows(table, "harmonic_deg_per_s");
+  const std::vector<double> phase = table.numbers("harmonic_phase_deg", -360, 360);
+  const std::size_t count = order.size();
+  const bool has_force = fits(table, "harmonic_g", force, "harmonic", count);
+  const bool has_rate = fits(table, "harmonic_deg_per_s", rate, "harmonic", count);
+  const bool has_phase = fits(table, "harmonic_phase_deg", phase, "harmonic", count);
+  if (count > 0 && force.empty() && rate.empty())
+    table.fault("harmonic", "has no amplitudes; give harmonic_g or harmonic_deg_per_s");
+  for (std::size_t i = 0; i < count; ++i) {
+    VibrationModel::Harmonic harmonic{.order = order[i]};
+    if (has_force) harmonic.force = g * force[i];
+    if (has_rate) harmonic.rate = deg * rate[i];
+    if (has_phase) harmonic.phase = deg * phase[i];
+    model.harmonics.push_back(harmonic);
+  }
+}
+
+// The truth's state that the amplitude follows, and the unit of the points.
+struct Follows {
+  std::optional<VehicleState> state;
+  double unit;
+};
+
+void read_envelope(TableReader& table, VibrationModel::Envelope& envelope) {
+  constexpr double rpm = 2 * units::pi / 60;
+  constexpr std::string_view words[] = {"none",     "time_s",           "rotor_speed_rpm",
+                                        "throttle", "airspeed_m_per_s", "dynamic_pressure_pa"};
+  constexpr Follows kinds[] = {
+      {std::nullopt, 1},           {std::nullopt, 1},           {VehicleState::rotor_speed, rpm},
+      {VehicleState::throttle, 1}, {VehicleState::airspeed, 1}, {VehicleState::dynamic_pressure, 1}};
+  const std::size_t kind = table.choice("follows", words, 0);
+  envelope.at = table.numbers("follows_at", -1e9, 1e9);
+  envelope.factor = table.numbers("follows_factor", 0, 1e6);
+  envelope.of = kinds[kind].state;
+  const bool has_points = fits(table, "follows_factor", envelope.factor, "follows_at", envelope.at.size());
+  if (!ascends(envelope.at)) table.fault("follows_at", "give numbers in ascending order");
+  if (kind > 0 && !has_points)
+    table.fault("follows", "has no curve; give follows_at, and as many factors in follows_factor");
+  if (kind == 0 && !envelope.at.empty())
+    table.fault("follows_at", fmt::format("belongs to a quantity; give follows = \"{}\"", words[2]));
+  for (double& at : envelope.at) at *= kinds[kind].unit;
+}
+
 }  // namespace
 
 VibrationModel read_vibration(TableReader table) {
   VibrationModel model;
   read_sines(table, model);
   read_spectrum(table, model.spectrum);
+  read_harmonics(table, model);
+  read_envelope(table, model.envelope);
   table.finish();
   return model;
 }
@@ -75,6 +122,7 @@ void read_jitter(TableReader& table, ImuConfig& imu) {
   const double jitter_us = table.real("sampling_jitter_us", 0, 0, 1e9);
   const double most_us = largest * 1e6 * seconds(imu.grid.period());
   imu.model.sampling_jitter = nanoseconds(1e-6 * jitter_us);
+  imu.model.sampling_delay = nanoseconds(1e-6 * table.real("sampling_delay_us", 0, 0, 1e5));
   if (jitter_us > most_us)
     table.fault("sampling_jitter_us", fmt::format("give at most {:.6g}, nine tenths of the sample period", most_us));
 }
@@ -91,6 +139,7 @@ TemperatureModel read_temperature(TableReader table) {
   model.from_truth = table.flag("from_truth", model.from_truth);
   model.warm_up_c = table.real("warm_up_c", model.warm_up_c, -1000, 1000);
   model.warm_up_s = table.real("warm_up_s", model.warm_up_s, 1e-3, 1e9);
+  model.cool_down_s = table.real("cool_down_s", model.cool_down_s, 0, 1e9);
   model.offset_c = table.real("offset_c", model.offset_c, -1000, 1000);
   model.lsb_c = table.real("lsb_c", model.lsb_c, 0, 1000);
   model.rate_hz = table.real("rate_hz", model.rate_hz, 0, 1e4);

@@ -248,6 +248,9 @@ void read_errors(TableReader& table, const std::optional<Product>& product, ImuC
   if (preset != nullptr) {
     try {
       PresetErrors errors = preset_errors(*preset, imu.rate_hz);
+      if (!errors.is_imu)
+        table.fault("model", fmt::format("{} has no gyros; name it by model in [imu.magnetometer] or [imu.barometer]",
+                                         preset->name));
       const bool is_decimated = filters || (!is_within(errors, imu.rate_hz) && !table.has("internal_rate_hz"));
       if (is_decimated) decimate(errors, imu.rate_hz);
       if (product) {
@@ -258,6 +261,8 @@ void read_errors(TableReader& table, const std::optional<Product>& product, ImuC
       accelerometer = errors.accelerometer;
       gyro_density = errors.gyro_density;
       accelerometer_density = errors.accelerometer_density;
+      if (errors.magnetometer) magnetometer = *errors.magnetometer;
+      if (errors.barometer) imu.model.barometer = *errors.barometer;
       if (!is_decimated) internal_hz = errors.internal_rate_hz;
     } catch (const ConfigError& error) {
       table.fault("model", error.what());
@@ -276,7 +281,8 @@ void read_errors(TableReader& table, const std::optional<Product>& product, ImuC
   imu.model.gyro = read_gyro(table.child("gyro"), gyro ? &*gyro : nullptr, internal_hz, gyro_density);
   imu.model.accelerometer = read_accelerometer(
       table.child("accelerometer"), accelerometer ? &*accelerometer : nullptr, internal_hz, accelerometer_density);
-  imu.model.magnetometer = read_magnetometer(table.child("magnetometer"), &magnetometer, imu.rate_hz);
+  imu.model.magnetometer =
+      read_magnetometer(table.child("magnetometer"), &magnetometer, imu.rate_hz, imu.model.current_field);
   if (!filters) return;
   set_device_filter(table.child("gyro"), filters->gyro, imu.model.gyro);
   set_device_filter(table.child("accelerometer"), filters->accelerometer, imu.model.accelerometer);

@@ -8,11 +8,24 @@ constexpr double most = 1e6;
 }
 
 void read_barometer(TableReader table, BarometerErrors& errors) {
+  const auto has_barometer = [](const PresetErrors& preset) { return preset.barometer.has_value(); };
+  if (const auto named = read_field_model(table, has_barometer, 1.0)) errors = *named->barometer;
   errors.lag_s = table.real("lag_s", errors.lag_s, 0, most);
   errors.bias = table.real("bias_pa", errors.bias, -most, most);
   errors.drift = table.real("drift_pa", errors.drift, 0, most);
   errors.drift_correlation_s = table.real("drift_correlation_s", errors.drift_correlation_s, 1e-3, 1e9);
   errors.noise = table.real("noise_pa", errors.noise, 0, most);
+  errors.bias_sigma = table.real("bias_sigma_pa", errors.bias_sigma, 0, most);
+  errors.temperature_bias = table.real("temperature_bias_pa_per_c", errors.temperature_bias, -most, most);
+  errors.reference_temperature_c =
+      table.real("reference_temperature_c", errors.reference_temperature_c, -273.15, 1e4);
+  errors.lsb = table.real("lsb_pa", errors.lsb, 0, most);
+  errors.least = table.real("min_pa", errors.least, 0, BarometerErrors::huge_pressure);
+  errors.largest = table.real("max_pa", errors.largest, 0, BarometerErrors::huge_pressure);
+  if (errors.least >= errors.largest) table.fault("max_pa", "give a pressure above min_pa");
+  errors.port = table.real("port_error", errors.port, -10, 10);
+  errors.port_per_attack = table.real("port_error_per_rad_attack", errors.port_per_attack, -100, 100);
+  errors.port_per_sideslip2 = table.real("port_error_per_rad2_sideslip", errors.port_per_sideslip2, -100, 100);
   table.finish();
 }
 

@@ -82,9 +82,9 @@ std::string_view Preset::source() const noexcept { return comment_line(text, 1);
 
 const Preset* find_preset(std::string_view name) {
   if (name.ends_with(".toml")) return preset_in_file(std::string(name));
-  const auto all = presets();
-  const auto found = std::ranges::find(all, name, &Preset::name);
-  return found == all.end() ? nullptr : &*found;
+  for (const std::span<const Preset> all : {presets(), field_presets()})
+    if (const auto found = std::ranges::find(all, name, &Preset::name); found != all.end()) return &*found;
+  return nullptr;
 }
 
 std::string_view default_model(const Protocol& protocol, const Settings& settings) {
@@ -107,13 +107,44 @@ PresetErrors preset_errors(const Preset& preset, double rate_hz) {
   errors.decimation = imu.choice<Decimation>(
       "decimation", {{Decimation::sample, "sample"}, {Decimation::mean, "mean"}}, errors.decimation);
   const double internal_hz = std::max(rate_hz, errors.internal_rate_hz);
-  errors.gyro = read_gyro(imu.child("gyro"), nullptr, internal_hz);
-  errors.accelerometer = read_accelerometer(imu.child("accelerometer"), nullptr, internal_hz);
-  errors.gyro_density = sidedness_of(file["imu"]["gyro"].as_table());
-  errors.accelerometer_density = sidedness_of(file["imu"]["accelerometer"].as_table());
+  const bool has_magnetometer = imu.has_table("magnetometer"), has_barometer = imu.has_table("barometer");
+  errors.is_imu = imu.has_table("gyro") || imu.has_table("accelerometer") || !(has_magnetometer || has_barometer);
+  if (errors.is_imu) {
+    errors.gyro = read_gyro(imu.child("gyro"), nullptr, internal_hz);
+    errors.accelerometer = read_accelerometer(imu.child("accelerometer"), nullptr, internal_hz);
+    errors.gyro_density = sidedness_of(file["imu"]["gyro"].as_table());
+    errors.accelerometer_density = sidedness_of(file["imu"]["accelerometer"].as_table());
+  }
+  if (has_magnetometer) {
+    Vector3 no_current;
+    errors.magnetometer = read_magnetometer(imu.child("magnetometer"), nullptr, rate_hz, no_current);
+    errors.magnetometer_density = sidedness_of(file["imu"]["magnetometer"].as_table());
+  }
+  if (has_barometer) read_barometer(imu.child("barometer"), errors.barometer.emplace());
   imu.finish();
   if (!faults.all().empty()) throw ConfigError(faults.all());
   return errors;
+}
+
+std::optional<PresetErrors> read_field_model(TableReader& table, bool (*has)(const PresetErrors&), double rate_hz) {
+  if (!table.has("model")) return std::nullopt;
+  const std::string model = table.text("model", "");
+  const auto errors_of = [&](const Preset& preset) -> std::optional<PresetErrors> {
+    PresetErrors errors = preset_errors(preset, rate_hz);
+    return has(errors) ? std::optional(std::move(errors)) : std::nullopt;
+  };
+  try {
+    const Preset* preset = find_preset(model);
+    if (preset != nullptr)
+      if (auto errors = errors_of(*preset)) return errors;
+    std::vector<std::string> words;
+    for (const Preset& known : field_presets())
+      if (errors_of(known)) words.emplace_back(known.name);
+    table.fault("model", fmt::format("there is no such sensor \"{}\"; {}", model, suggestion(model, words)));
+  } catch (const ConfigError& error) {
+    table.fault("model", error.what());
+  }
+  return std::nullopt;
 }
 
 }  // namespace imud

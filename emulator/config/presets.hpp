@@ -3,12 +3,14 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "core/effects/triad_errors.hpp"
+#include "core/environment/barometer.hpp"
 #include "protocols/protocol.hpp"
 
 namespace imud {
@@ -17,9 +19,10 @@ namespace imud {
 enum class Sidedness : std::uint8_t { none, two_sided, one_sided };
 
 // A file: a line with the sensor's name, a line with the source, then, where a bandwidth is known, [imu] with the
-// internal rate and the decimation, then [imu.gyro] and [imu.accelerometer] as in a configuration. The comment
-// "unconfirmed: from memory", "secondary source" or "assumed" after a value marks one that is not from a document of
-// the manufacturer. Files of users are the same, but need not have the two lines.
+// internal rate and the decimation, then [imu.gyro] and [imu.accelerometer] as in a configuration, or
+// [imu.magnetometer], or [imu.barometer], or several of these. The comment "unconfirmed: from memory", "secondary
+// source" or "assumed" after a value marks one that is not from a document of the manufacturer. Files of users are
+// the same, but need not have the two lines.
 struct Preset {
   std::string_view name;
   std::string_view text;
@@ -37,8 +40,9 @@ struct Preset {
   std::vector<Figure> figures() const;
 };
 
-// Returns all of them, sorted by name.
+// Return all of imus, and all of magnetometers and barometers, sorted by name.
 std::span<const Preset> presets() noexcept;
+std::span<const Preset> field_presets() noexcept;
 // Returns the preset, or a user's file as a preset if the path ends with .toml. The file is read once, and kept to
 // the end of the program. Returns nullptr if there is no such preset or file. One thread at a time.
 const Preset* find_preset(std::string_view name);
@@ -54,8 +58,12 @@ enum class Decimation : std::uint8_t { sample, mean };
 struct PresetErrors {
   double internal_rate_hz = 0;  // 0: the sample rate
   Decimation decimation = Decimation::sample;
+  bool is_imu = true;  // it has gyros and accelerometers
   TriadErrors gyro, accelerometer;
-  Sidedness gyro_density, accelerometer_density;
+  Sidedness gyro_density = Sidedness::none, accelerometer_density = Sidedness::none;
+  std::optional<TriadErrors> magnetometer;
+  Sidedness magnetometer_density = Sidedness::none;
+  std::optional<BarometerErrors> barometer;
 };
 // Returns the errors at this sample rate, Hz, or the preset's internal rate if higher. Throws ConfigError if the
 // errors are not possible at the rate, or if a user's file is not right.

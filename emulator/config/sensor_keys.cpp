@@ -1,5 +1,8 @@
 #include "emulator/config/sensor_keys.hpp"
 
+#include <cmath>
+#include <memory>
+#include <numeric>
 #include <vector>
 
 #include "core/units.hpp"
@@ -41,6 +44,41 @@ void read_spread(TableReader table, const SensorKeys& keys, const AxisLimits& ra
   table.finish();
 }
 
+// The bias by the rate of the temperature, and by its history.
+void read_thermal_drift(TableReader& table, const SensorKeys& keys, TriadErrors& e) {
+  constexpr double minute = 60;
+  std::vector<std::string> suffixes;
+  std::vector<ErrorUnit> units;
+  for (const ErrorUnit& unit : keys.value) suffixes.push_back(key_of(unit.suffix, "per_c_per_min"));
+  for (std::size_t i = 0; i < suffixes.size(); ++i) units.push_back({suffixes[i], minute * keys.value.begin()[i].si});
+  e.temperature_rate_bias = in_units(table, "temperature_rate_bias", units, e.temperature_rate_bias, -huge);
+  e.temperature_hysteresis = in_units(table, "temperature_hysteresis", keys.value, e.temperature_hysteresis, -huge);
+  e.temperature_hysteresis_c = table.real("temperature_hysteresis_c", e.temperature_hysteresis_c, 1e-3, 1e4);
+}
+
+void read_popcorn(TableReader& table, const SensorKeys& keys, double rate_hz, TriadErrors& e) {
+  e.popcorn_noise = in_units(table, "popcorn_noise", keys.value, e.popcorn_noise);
+  e.popcorn_time = table.per_axis("popcorn_time_s", e.popcorn_time, 1e-6, huge);
+  if (!e.popcorn_noise.isZero(0.0) && e.popcorn_time.minCoeff() < 1 / rate_hz)
+    table.fault("popcorn_time_s",
+                fmt::format("give at least {:.6g}, a period of the sensor's internal rate", 1 / rate_hz));
+}
+
+void read_taps(TableReader& table, FirTaps& taps) {
+  constexpr std::size_t most = 1024;
+  if (!table.has("fir_taps")) return;
+  const std::vector<double> numbers = table.numbers("fir_taps", -1e3, 1e3);
+  taps.reset();
+  if (numbers.empty()) return;
+  const double sum = std::accumulate(numbers.begin(), numbers.end(), 0.0);
+  if (numbers.size() > most || std::abs(sum) < 1e-6)
+    table.fault("fir_taps", fmt::format("give at most {} taps, whose sum, the gain of a constant input, is not 0: it "
+                                        "is {:.3g}",
+                                        most, sum));
+  else
+    taps = std::make_shared<const std::vector<double>>(numbers);
+}
+
 }  // namespace
 
 const SensorKeys gyro_keys = {
@@ -58,7 +96,8 @@ const SensorKeys gyro_keys = {
                    {"deg_per_s_per_rt_s", deg},
                    {"deg_per_hr_per_rt_hr", deg / hour / root_hour}},
     .ramp_units = {{"rad_per_s2", 1}, {"deg_per_s2", deg}, {"deg_per_hr_per_hr", deg / hour / hour}},
-    .increment_lsb = "lsb_delta_angle_rad"};
+    .increment_lsb = "lsb_delta_angle_rad",
+    .quantization = {{"rad", 1}, {"urad", 1e-6}, {"deg", deg}, {"arcsec", deg / hour}}};
 
 const SensorKeys accelerometer_keys = {
     .value = {unit(key_units::acceleration, "_m_per_s2"), unit(key_units::acceleration, "_g"),
@@ -72,7 +111,8 @@ const SensorKeys accelerometer_keys = {
                    {"mg_per_rt_hr", 1e-3 * g / root_hour},
                    {"ug_per_rt_hr", 1e-6 * g / root_hour}},
     .ramp_units = {{"m_per_s3", 1}, {"mg_per_hr", 1e-3 * g / hour}, {"ug_per_hr", 1e-6 * g / hour}},
-    .increment_lsb = "lsb_delta_velocity_m_per_s"};
+    .increment_lsb = "lsb_delta_velocity_m_per_s",
+    .quantization = {{"m_per_s", 1}, {"mm_per_s", 1e-3}, {"um_per_s", 1e-6}}};
 
 const SensorKeys magnetometer_keys = {
     .value = {unit(key_units::magnetic_field, "_t"), unit(key_units::magnetic_field, "_ut"),
@@ -84,7 +124,8 @@ const SensorKeys magnetometer_keys = {
     .ramp = "field_ramp",
     .walk_units = {{"t_per_rt_s", 1}, {"nt_per_rt_s", 1e-9}},
     .ramp_units = {{"t_per_s", 1}, {"nt_per_hr", 1e-9 / hour}},
-    .increment_lsb = ""};
+    .increment_lsb = "",
+    .quantization = {}};
 
 const ErrorUnit* given_unit(TableReader& table, std::string_view stem, std::span<const ErrorUnit> units) {
   const ErrorUnit* given = nullptr;
@@ -128,6 +169,19 @@ void read_spreads(TableReader& table, const SensorKeys& keys, TriadErrors& error
     read_spread(table.child("unit_sigma"), keys, range, true, errors.unit_sigma);
   if (table.has("turn_on_sigma") || errors.turn_on_sigma.is_on())
     read_spread(table.child("turn_on_sigma"), keys, range, false, errors.turn_on_sigma);
+}
+
+void read_rare_terms(TableReader& table, const SensorKeys& keys, double rate_hz, TriadErrors& e) {
+  e.dead_zone = in_units(table, "dead_zone", keys.value, e.dead_zone);
+  read_thermal_drift(table, keys, e);
+  read_popcorn(table, keys, rate_hz, e);
+  if (!std::empty(keys.quantization))
+    e.quantization_noise = in_units(table, "quantization_noise", keys.quantization, e.quantization_noise);
+  read_taps(table, e.fir_taps);
+}
+
+void read_vibration_average(TableReader& table, TriadErrors& e) {
+  e.vibration_average = table.real("vibration_average_s", e.vibration_average, 0, huge);
 }
 
 }  // namespace imud

@@ -35,7 +35,8 @@ struct SensorKeys {
   std::initializer_list<ErrorUnit> density;      // of noise_density
   std::string_view walk, ramp;                   // the names of its random walk and its ramp
   std::initializer_list<ErrorUnit> walk_units, ramp_units;
-  std::string_view increment_lsb;  // empty: it has no increments
+  std::string_view increment_lsb;                 // empty: it has no increments
+  std::initializer_list<ErrorUnit> quantization;  // of quantization_noise; empty: it has no increments
 };
 
 extern const SensorKeys gyro_keys, accelerometer_keys, magnetometer_keys;
@@ -89,6 +90,11 @@ void read_nonlinearity(TableReader& table, const AxisLimits& range, bool is_sigm
   in_ppm("cubic_ppm_of_range", ppm / (upper * upper), terms.cubic);
 }
 void read_temperature_terms(TableReader& table, const SensorKeys& keys, bool is_sigma, Matrix3& scale, Matrix3& bias);
+
+// Read the terms of core/effects/rare beside the sensitivities to acceleration, and the averaging time of the
+// vibration.
+void read_rare_terms(TableReader& table, const SensorKeys& keys, double rate_hz, TriadErrors& errors);
+void read_vibration_average(TableReader& table, TriadErrors& errors);
 
 // Reads the tables of standard deviations, `unit_sigma` and `turn_on_sigma`, into the members of these names.
 void read_spreads(TableReader& table, const SensorKeys& keys, TriadErrors& errors);

@@ -149,6 +149,11 @@ void read_filter(TableReader& table, SensorFilter& filter, double rate_hz) {
   };
   filter.order = integer("low_pass_order", filter.order, 4);
   if (filter.order != 1 && filter.order != 2 && filter.order != 4) table.fault("low_pass_order", "give 1, 2 or 4");
+  constexpr double least_damping = 0.05, most_damping = 10;
+  filter.damping = table.real("low_pass_damping", filter.damping, 0, most_damping);
+  if (filter.damping > 0 && (filter.damping < least_damping || filter.order != 2))
+    table.fault("low_pass_damping", fmt::format("needs low_pass_order = 2; give {} to {}, or 0 for Butterworth",
+                                                least_damping, most_damping));
   const bool is_cic = filter.stages > 1;
   const int samples = integer("boxcar_samples", is_cic ? 1 : filter.length, SensorFilter::max_length);
   const int order = integer("cic_order", is_cic ? filter.stages : 0, SensorFilter::max_stages);
@@ -196,6 +201,7 @@ TriadErrors read_triad(TableReader& table, const SensorKeys& keys, const TriadEr
   e.correlated_sigma = in_units(table, "correlated_noise", keys.value, e.correlated_sigma);
   e.correlation_time = table.per_axis("correlation_time_s", e.correlation_time, 1e-6, huge);
   e.random_walk_density = in_units(table, keys.walk, keys.walk_units, e.random_walk_density);
+  read_rare_terms(table, keys, rate_hz, e);
   read_filter(table, e.filter, rate_hz);
   e.lsb = number_in_units(table, "lsb", keys.value, e.lsb, 0);
   e.rounding = table.choice<Rounding>("rounding",
@@ -236,6 +242,11 @@ TriadErrors read_gyro(TableReader table, const TriadErrors* product, double rate
   e.g_sensitivity = per_g * table.matrix3("g_sensitivity_deg_per_hr_per_g", e.g_sensitivity / per_g, true);
   e.g_squared_sensitivity =
       per_g2 * table.matrix3("g_squared_sensitivity_deg_per_hr_per_g2", e.g_squared_sensitivity / per_g2, true);
+  e.cross_sensitivity =
+      per_g2 * table.matrix3("cross_sensitivity_deg_per_hr_per_g2", e.cross_sensitivity / per_g2, true);
+  e.vibration_rectification =
+      per_g2 * table.matrix3("vibration_rectification_deg_per_hr_per_g2", e.vibration_rectification / per_g2, true);
+  read_vibration_average(table, e);
   table.finish();
   return e;
 }
@@ -247,13 +258,27 @@ TriadErrors read_accelerometer(TableReader table, const TriadErrors* product, do
       ug_per_g2 * table.per_axis("vibration_rectification_ug_per_g2",
                                  Vector3(e.vibration_rectification.diagonal()) / ug_per_g2, -huge, huge);
   e.vibration_rectification = rectification.asDiagonal();
+  read_vibration_average(table, e);
+  e.g_squared_sensitivity =
+      ug_per_g2 * table.matrix3("g_squared_sensitivity_ug_per_g2", e.g_squared_sensitivity / ug_per_g2, true);
+  e.cross_sensitivity =
+      ug_per_g2 * table.matrix3("cross_sensitivity_ug_per_g2", e.cross_sensitivity / ug_per_g2, true);
   table.finish();
   return e;
 }
 
-TriadErrors read_magnetometer(TableReader table, const TriadErrors* product, double rate_hz) {
-  TriadErrors e = read_triad(table, magnetometer_keys, product, rate_hz, Sidedness::none);
+TriadErrors read_magnetometer(TableReader table, const TriadErrors* product, double rate_hz, Vector3& current_field) {
+  const std::optional<PresetErrors> named = read_field_model(
+      table, [](const PresetErrors& errors) { return errors.magnetometer.has_value(); }, rate_hz);
+  TriadErrors e = read_triad(table, magnetometer_keys, named ? &*named->magnetometer : product, rate_hz,
+                             named ? named->magnetometer_density : Sidedness::none);
   read_iron(table, e);
+  std::vector<std::string> suffixes;
+  std::vector<ErrorUnit> units;
+  for (const ErrorUnit& unit : magnetometer_keys.value) suffixes.push_back(key_of(unit.suffix, "per_a"));
+  for (std::size_t i = 0; i < suffixes.size(); ++i)
+    units.push_back({suffixes[i], magnetometer_keys.value.begin()[i].si});
+  current_field = in_units(table, "current_field", units, Vector3::Zero(), -huge);
   table.finish();
   return e;
 }

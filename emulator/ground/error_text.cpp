@@ -91,23 +91,32 @@ std::string of_axes(const std::array<double, 3>& values) {
 }
 }  // namespace
 
+double TriadFilter::delay_s(int axis) const {
+  return group_delay_s(filter, axis, rate_hz) + (taps ? group_delay_s(*taps, rate_hz) : 0);
+}
+
 std::string TriadFilter::text() const {
-  if (!filter.is_on()) return "none";
+  std::vector<std::string> kinds;
+  if (taps) kinds.push_back(fmt::format("{} taps", taps->size()));
   const Vector3& cut_off = filter.cut_off_hz;
-  const std::string kind =
-      filter.stages > 1 ? fmt::format("CIC of order {} and length {}", filter.stages, filter.length)
-      : filter.length > 1
-          ? fmt::format("mean of {} samples", filter.length)
-          : fmt::format("low-pass of order {} at {} Hz", filter.order, of_axes({cut_off[0], cut_off[1], cut_off[2]}));
-  const auto delay_ms = [this](int axis) { return 1e3 * group_delay_s(filter, axis, rate_hz); };
-  return fmt::format("{}, group delay {} ms", kind, of_axes({delay_ms(0), delay_ms(1), delay_ms(2)}));
+  if (filter.stages > 1)
+    kinds.push_back(fmt::format("CIC of order {} and length {}", filter.stages, filter.length));
+  else if (filter.length > 1)
+    kinds.push_back(fmt::format("mean of {} samples", filter.length));
+  else if (filter.is_on())
+    kinds.push_back(fmt::format("low-pass of order {}{} at {} Hz", filter.order,
+                                filter.damping > 0 ? fmt::format(" and damping {:.4g}", filter.damping) : "",
+                                of_axes({cut_off[0], cut_off[1], cut_off[2]})));
+  if (kinds.empty()) return "none";
+  return fmt::format("{}, group delay {} ms", fmt::join(kinds, ", then "),
+                     of_axes({1e3 * delay_s(0), 1e3 * delay_s(1), 1e3 * delay_s(2)}));
 }
 
 std::vector<TriadFilter> triad_filters(const ImuModel& model) {
   const double rate_hz = model.rate_hz * model.internal_samples;
-  return {{"gyro", model.gyro.filter, rate_hz},
-          {"accelerometer", model.accelerometer.filter, rate_hz},
-          {"magnetometer", model.magnetometer.filter, model.rate_hz}};
+  return {{"gyro", model.gyro.filter, model.gyro.fir_taps, rate_hz},
+          {"accelerometer", model.accelerometer.filter, model.accelerometer.fir_taps, rate_hz},
+          {"magnetometer", model.magnetometer.filter, model.magnetometer.fir_taps, model.rate_hz}};
 }
 
 }  // namespace imud

@@ -34,12 +34,15 @@ struct TriadTerms {
 // Returns the terms of the gyros and the accelerometers.
 std::vector<TriadTerms> triad_terms(const ImuModel& model);
 
-// The filter of a triad, and the rate at which it runs, Hz.
+// The filters of a triad, and the rate at which they run, Hz.
 struct TriadFilter {
   const char* name;
   SensorFilter filter;
+  FirTaps taps;
   double rate_hz;
 
+  // Returns the group delay of axis 0 to 2, of both, s.
+  double delay_s(int axis) const;
   // Returns for example "low-pass of order 2 at 262 Hz, group delay 0.859 ms"; each axis where they differ; "none".
   std::string text() const;
 };

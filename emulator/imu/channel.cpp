@@ -57,7 +57,9 @@ void Channel::cycle_power(HostTime now) noexcept {
 
 void Channel::set_faults(std::span<const ActiveFault> wire, std::span<const ActiveFault> power) noexcept {
   lines.set_faults(wire, sensor.sample().time);
-  if (unit.set_power_faults(power)) sensor.restart();
+  const Unit::PowerChange change = unit.set_power_faults(power);
+  if (change == Unit::PowerChange::starts) sensor.restart();
+  if (change == Unit::PowerChange::goes_off) sensor.imu().power_off();
 }
 
 void Channel::prepare(std::optional<TruthTime> truth, bool silent) noexcept {

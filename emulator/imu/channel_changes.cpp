@@ -53,7 +53,10 @@ void Channel::execute(const Command& command, const FaultBook& book, HostTime no
 
 void Channel::set_supply(bool on, HostTime now) noexcept {
   if (on == unit.is_supplied()) return;
-  if (!on) poll(now);
+  if (!on) {
+    poll(now);
+    if (unit.is_on()) sensor.imu().power_off();
+  }
   unit.set_supply(on);
   counters.has_power.store(on, std::memory_order_relaxed);
   cycle_power(now);

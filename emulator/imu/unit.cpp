@@ -42,9 +42,12 @@ void Unit::publish(ImuCounters& counters) const noexcept {
                         other_device_ ? other_device_->counts() : std::span<const std::uint64_t>());
 }
 
-bool Unit::set_power_faults(std::span<const ActiveFault> faults) noexcept {
+Unit::PowerChange Unit::set_power_faults(std::span<const ActiveFault> faults) noexcept {
+  const bool was_on = next_power_step_.is_on;
   next_power_step_ = power_faults_->step(faults);
-  return next_power_step_.starts && is_supplied_;
+  if (!is_supplied_) return PowerChange::none;
+  if (next_power_step_.starts) return PowerChange::starts;
+  return was_on && !next_power_step_.is_on ? PowerChange::goes_off : PowerChange::none;
 }
 
 bool Unit::apply_power_faults() noexcept {

@@ -38,8 +38,9 @@ class Unit {
   // Switches the supply, without start().
   void set_supply(bool on) noexcept { is_supplied_ = on; }
   bool is_supplied() const noexcept { return is_supplied_; }
-  // Sets the faults of the power of the next sample. Returns true if the sensor starts with it.
-  bool set_power_faults(std::span<const ActiveFault> faults) noexcept;
+  // Sets the faults of the power of the next sample. Returns whether the sensor starts or goes off with it.
+  enum class PowerChange : std::uint8_t { none, starts, goes_off };
+  PowerChange set_power_faults(std::span<const ActiveFault> faults) noexcept;
   // Executes these at the sample's instant. Returns true if the device has to start.
   bool apply_power_faults() noexcept;
 

@@ -112,6 +112,112 @@ TEST_F(EnvironmentConfig, VibrationIsSinesAndASpectrum) {
   EXPECT_TRUE(reloaded({}).vibration.spectrum.frequency_hz.empty());
 }
 
+TEST_F(EnvironmentConfig, VibrationHasHarmonicsAndFollowsTheTruth) {
+  const std::vector<std::string> given = {"vibration.harmonic=[1,2.5]",
+                                          "vibration.harmonic_g=[[1,0,0],[0,0,2]]",
+                                          "vibration.harmonic_deg_per_s=[[0,90,0],[0,0,0]]",
+                                          "vibration.harmonic_phase_deg=[0,90]",
+                                          "vibration.follows=\"rotor_speed_rpm\"",
+                                          "vibration.follows_at=[0,6000]",
+                                          "vibration.follows_factor=[0,2]",
+                                          "gyro.vibration_rectification_deg_per_hr_per_g2=[[0,1,0],[0,0,0],[0,0,3]]",
+                                          "gyro.vibration_average_s=2"};
+  for (const ImuModel& m : {model(given), reloaded(given)}) {
+    ASSERT_EQ(m.vibration.harmonics.size(), 2U);
+    EXPECT_EQ(m.vibration.harmonics[1].order, 2.5);
+    EXPECT_NEAR(m.vibration.harmonics[1].force.z(), 19.6133, 1e-12);
+    EXPECT_NEAR(m.vibration.harmonics[0].rate.y(), 1.5707963267948966, 1e-15);
+    EXPECT_NEAR(m.vibration.harmonics[1].phase, 1.5707963267948966, 1e-15);
+    EXPECT_EQ(m.vibration.envelope.of, VehicleState::rotor_speed);
+    EXPECT_NEAR(m.vibration.envelope.at.at(1), 628.3185307179587, 1e-10);
+    EXPECT_EQ(m.vibration.envelope.factor.at(1), 2);
+    EXPECT_NEAR(m.gyro.vibration_rectification(2, 2) / (3 * 4.84813681109536e-6 / 9.80665 / 9.80665), 1, 1e-12);
+    EXPECT_EQ(m.gyro.vibration_rectification(1, 1), 0);
+    EXPECT_EQ(m.gyro.vibration_average, 2);
+  }
+  EXPECT_TRUE(model({}).vibration.envelope.at.empty());
+  expect_faults({{{"vibration.harmonic=[1]"}, "vibration.harmonic: has no amplitudes"},
+                 {{"vibration.harmonic=[0]", "vibration.harmonic_g=[[1,1,1]]"}, "vibration.harmonic: give a list"},
+                 {{"vibration.follows=\"throttle\""}, "vibration.follows: has no curve"},
+                 {{"vibration.follows=\"rpm\""}, "vibration.follows: "},
+                 {{"vibration.follows_at=[1]", "vibration.follows_factor=[1]"}, "vibration.follows_at: belongs to"},
+                 {{"vibration.follows=\"throttle\"", "vibration.follows_at=[1,0]", "vibration.follows_factor=[1,1]"},
+                  "vibration.follows_at: give numbers in ascending order"},
+                 {{"vibration.follows=\"throttle\"", "vibration.follows_at=[0,1]", "vibration.follows_factor=[1]"},
+                  "vibration.follows_factor: has 1 elements"}});
+}
+
+TEST_F(EnvironmentConfig, ErrorsThatHardlyAnySensorHasHaveKeys) {
+  constexpr double deg_per_hr = 4.84813681109536e-6, ug = 9.80665e-6, per_g2 = 1 / 9.80665 / 9.80665;
+  const std::vector<std::string> given = {"gyro.dead_zone_deg_per_hr=[1,0,2]",
+                                          "gyro.temperature_rate_bias_deg_per_hr_per_c_per_min=10",
+                                          "accelerometer.temperature_hysteresis_ug=[5,0,0]",
+                                          "accelerometer.temperature_hysteresis_c=8",
+                                          "gyro.popcorn_noise_deg_per_hr=3",
+                                          "gyro.popcorn_time_s=4",
+                                          "gyro.quantization_noise_arcsec=0.5",
+                                          "accelerometer.quantization_noise_um_per_s=7",
+                                          "accelerometer.cross_sensitivity_ug_per_g2=[[0,1,0],[0,0,2],[3,0,0]]",
+                                          "accelerometer.g_squared_sensitivity_ug_per_g2=[1,2,3]",
+                                          "gyro.cross_sensitivity_deg_per_hr_per_g2=[1,2,3]",
+                                          "gyro.fir_taps=[0.25,0.5,0.25]",
+                                          "accelerometer.low_pass_hz=50",
+                                          "accelerometer.low_pass_damping=0.7",
+                                          "magnetometer.current_field_nt_per_a=[1,2,3]",
+                                          "sampling_delay_us=1500",
+                                          "temperature.cool_down_s=900"};
+  for (const ImuModel& m : {model(given), reloaded(given)}) {
+    EXPECT_NEAR(m.gyro.dead_zone.z() / (2 * deg_per_hr), 1, 1e-12);
+    EXPECT_NEAR(m.gyro.temperature_rate_bias.y() / (600 * deg_per_hr), 1, 1e-12);
+    EXPECT_NEAR(m.accelerometer.temperature_hysteresis.x() / (5 * ug), 1, 1e-12);
+    EXPECT_EQ(m.accelerometer.temperature_hysteresis_c, 8);
+    EXPECT_NEAR(m.gyro.popcorn_noise.x() / (3 * deg_per_hr), 1, 1e-12);
+    EXPECT_EQ(m.gyro.popcorn_time.x(), 4);
+    EXPECT_NEAR(m.gyro.quantization_noise.x() / (0.5 * deg_per_hr), 1, 1e-12);
+    EXPECT_NEAR(m.accelerometer.quantization_noise.x() / 7e-6, 1, 1e-12);
+    EXPECT_NEAR(m.accelerometer.cross_sensitivity(1, 2) / (2e-6 / 9.80665), 1, 1e-12);
+    EXPECT_NEAR(m.accelerometer.g_squared_sensitivity(2, 2) / (3e-6 / 9.80665), 1, 1e-12);
+    EXPECT_NEAR(m.gyro.cross_sensitivity(1, 1) / (2 * deg_per_hr * per_g2), 1, 1e-12);
+    ASSERT_NE(m.gyro.fir_taps, nullptr);
+    EXPECT_EQ(*m.gyro.fir_taps, std::vector<double>({0.25, 0.5, 0.25}));
+    EXPECT_EQ(m.accelerometer.filter.damping, 0.7);
+    EXPECT_NEAR(m.current_field.z(), 3e-9, 1e-24);
+    EXPECT_EQ(m.sampling_delay.count(), 1'500'000);
+    EXPECT_EQ(m.temperature.cool_down_s, 900);
+  }
+  expect_faults(
+      {{{"gyro.popcorn_noise_deg_per_hr=1", "gyro.popcorn_time_s=0.001"}, "popcorn_time_s: give at least 0.005"},
+       {{"gyro.fir_taps=[1,-1]"}, "gyro.fir_taps: give at most 1024 taps"},
+       {{"gyro.low_pass_damping=0.01"}, "low_pass_damping: needs low_pass_order = 2; give 0.05 to 10"},
+       {{"gyro.low_pass_damping=1", "gyro.low_pass_order=4"}, "low_pass_damping: needs low_pass_order = 2"},
+       {{"magnetometer.quantization_noise_rad=1"}, "unknown key"},
+       {{"sampling_delay_us=200000"}, "out of range"}});
+}
+
+// A sensor of its own in the place of the product's; keys beside it change it.
+TEST_F(EnvironmentConfig, MagnetometerAndBarometerHaveModels) {
+  const std::vector<std::string> given = {"magnetometer.model=\"rm3100\"", "magnetometer.bias_ut=[1,0,0]",
+                                          "barometer.model=\"ms5611\"", "barometer.noise_pa=3"};
+  for (const ImuModel& m : {model(given), reloaded(given)}) {
+    EXPECT_NEAR(m.magnetometer.max, 800e-6, 1e-18);
+    EXPECT_NEAR(m.magnetometer.white_density.x(), 1.2e-9, 1e-24);
+    EXPECT_NEAR(m.magnetometer.bias.x(), 1e-6, 1e-20);
+    EXPECT_NEAR(m.magnetometer.lsb, 13e-9, 1e-22);
+    EXPECT_EQ(m.barometer.lsb, 1);
+    EXPECT_EQ(m.barometer.noise, 3);
+    EXPECT_EQ(m.barometer.least, 1000);
+  }
+  const ImuModel whole = model({"model=\"adis16448\"", "barometer.noise_pa=9"});
+  EXPECT_NEAR(whole.magnetometer.max, 190e-6, 1e-18);
+  EXPECT_EQ(whole.barometer.lsb, 2);
+  EXPECT_EQ(whole.barometer.noise, 9);
+  expect_faults(
+      {{{"magnetometer.model=\"rm3000\""}, "magnetometer.model: there is no such sensor \"rm3000\"; did you mean"},
+       {{"magnetometer.model=\"bmp390\""}, "magnetometer.model: there is no such sensor"},
+       {{"model=\"bmp390\""}, "model: bmp390 has no gyros"},
+       {{"barometer.min_pa=9", "barometer.max_pa=8"}, "barometer.max_pa: give a pressure above min_pa"}});
+}
+
 TEST_F(EnvironmentConfig, ImpossibleVibrationsAreFaults) {
   expect_faults({
       {{"vibration.sine_hz=[0]"}, "imu.0.vibration.sine_hz: give a list of numbers from 0.001"},

@@ -68,6 +68,12 @@ TEST_F(FilterConfig, EachKindIsRead) {
   EXPECT_EQ(filters.at(2).text(), "mean of 5 samples, group delay 10 ms");
   EXPECT_EQ(triad_filters(imu("native", {"internal_rate_hz=2000", "gyro.low_pass_hz=262"}).model).at(0).text(),
             "low-pass of order 2 at 262 Hz, group delay 0.81 ms");
+  EXPECT_EQ(triad_filters(imu("native", {"internal_rate_hz=2000", "gyro.low_pass_hz=262", "gyro.low_pass_damping=0.7",
+                                         "gyro.fir_taps=[1,1,1]"})
+                              .model)
+                .at(0)
+                .text(),
+            "3 taps, then low-pass of order 2 and damping 0.7 at 262 Hz, group delay 0.9009 ms");
 }
 
 TEST_F(FilterConfig, WhatIsImpossibleIsAFaultAtTheKey) {

@@ -1,0 +1,143 @@
+// Errors by the vehicle's states and by the sensor's history, from a configuration and a truth with columns to the
+// rows that a host receives.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <map>
+
+#include "tests/emulator/run/run_test.hpp"
+
+namespace imud {
+namespace {
+
+class SurroundingsRun : public RunTest {
+ protected:
+  using Row = std::map<std::string, double>;
+
+  // Replays `seconds` of a vehicle at rest at 100 Hz, with these columns, to a sensor of 100 Hz without errors but
+  // these.
+  std::vector<Row> replay(const std::string& columns, const std::function<std::string(double)>& values,
+                          const std::string& errors, double seconds = 1) {
+    std::string truth =
+        "time_s,q_NB_w,q_NB_x,q_NB_y,q_NB_z,p_rad_per_s,q_rad_per_s,r_rad_per_s,specific_force_x_m_per_s2,"
+        "specific_force_y_m_per_s2,specific_force_z_m_per_s2" +
+        columns + "\n";
+    for (int k = 0; k <= static_cast<int>(100 * seconds); ++k)
+      truth += fmt::format("{},1,0,0,0,0,0,0,0,0,0{}\n", 0.01 * k, values(0.01 * k));
+    const std::string c = write(
+        "config.toml",
+        fmt::format(
+            "clock = \"fast\"\n[truth]\nport = \"udp:127.0.0.1:9810\"\nformat = \"csv\"\n[[imu]]\nrate_hz = 100\n"
+            "protocol = \"csv\"\nport = \"file:{}\"\ngyro.max_rad_per_s = 100\n"
+            "accelerometer.max_m_per_s2 = 1000\n{}",
+            path("rows"), errors));
+    const ProgramResult result = run_program("imud", {"replay", c, write("truth.csv", truth)});
+    EXPECT_EQ(result.exit_code, 0) << result.errors;
+    std::vector<Row> all;
+    std::vector<std::string> names;
+    for (const std::string& line : lines_of(read_file(path("rows")))) {
+      std::vector<std::string> fields(1);
+      for (const char letter : line)
+        if (letter == ',')
+          fields.emplace_back();
+        else
+          fields.back() += letter;
+      if (names.empty()) {
+        names = fields;
+        continue;
+      }
+      Row& row = all.emplace_back();
+      for (std::size_t i = 0; i < fields.size(); ++i)
+        if (!fields[i].empty()) row[names.at(i)] = std::stod(fields[i]);
+    }
+    EXPECT_GT(all.size(), static_cast<std::size_t>(80 * seconds));
+    return all;
+  }
+  static std::string none(double) { return ""; }
+};
+
+TEST_F(SurroundingsRun, HarmonicsFollowARotorAndAThrottle) {
+  const auto all = replay(
+      ",rotor_speed_rpm,throttle", [](double) { return ",1200,0.5"; },
+      "[imu.vibration]\nharmonic = [1]\nharmonic_g = [[0, 0, 2]]\nfollows = \"throttle\"\nfollows_at = [0, 1]\n"
+      "follows_factor = [0, 4]\n");
+  int compared = 0;
+  for (const Row& row : all) {
+    const double t = 1e-9 * row.at("time_ns");
+    EXPECT_NEAR(row.at("accel_z"), 4 * 9.80665 * std::sin(2 * M_PI * 20 * t), 1e-5) << t;
+    ++compared;
+  }
+  EXPECT_EQ(compared, 101);
+}
+
+// 10 deg/h for a degree a minute, in a chamber of 30 degrees a minute; hysteresis of 2 deg/h after 5 degrees.
+TEST_F(SurroundingsRun, BiasFollowsTheCourseOfTheTemperature) {
+  const auto all = replay("", none,
+                          "gyro.temperature_rate_bias_deg_per_hr_per_c_per_min = 10\n"
+                          "gyro.temperature_hysteresis_deg_per_hr = 2\ngyro.temperature_hysteresis_c = 5\n"
+                          "[imu.temperature]\nprofile_s = [0, 20, 40]\nprofile_c = [20, 30, 20]\n",
+                          40);
+  constexpr double deg_per_hr = 4.84813681109536e-6;
+  const auto rate = [&](int s) { return all.at(static_cast<std::size_t>(100 * s)).at("gyro_x") / deg_per_hr; };
+  EXPECT_NEAR(rate(5), 300 + 1, 1e-6);    // 2.5 degrees
+  EXPECT_NEAR(rate(19), 300 + 2, 1e-6);   // on the curve of warming
+  EXPECT_NEAR(rate(30), -300 + 0, 1e-6);  // 5 degrees back
+  EXPECT_NEAR(rate(40), -300 - 2, 1e-6);
+}
+
+// A loss of power for 100 s of a sensor that warms up and cools down with 200 s.
+TEST_F(SurroundingsRun, AWarmSensorStaysWarmWithoutPower) {
+  const auto all = replay("", none,
+                          "gyro.temperature_bias_rad_per_s_per_c = 1e-3\ngyro.reference_temperature_c = 25\n"
+                          "[imu.temperature]\nwarm_up_c = 10\nwarm_up_s = 200\n"
+                          "[[fault]]\nat_s = 400\nfor_s = 100\ntarget = \"power\"\nkind = \"off\"\n",
+                          600);
+  const double warm = 10 * (1 - std::exp(-2.0)), left = warm * std::exp(-0.5);
+  std::map<int, double> bias;
+  for (const Row& row : all) bias[static_cast<int>(std::lround(100 * 1e-9 * row.at("time_ns")))] = row.at("gyro_x");
+  EXPECT_NEAR(bias.at(39'900), 1e-2 * (1 - std::exp(-399.0 / 200)), 1e-9);
+  EXPECT_NEAR(bias.at(50'000), 1e-3 * left, 1e-6);
+  EXPECT_NEAR(bias.at(60'000), 1e-3 * (10 - (10 - left) * std::exp(-0.5)), 1e-6);
+}
+
+TEST_F(SurroundingsRun, AFilterByTapsAndADelayActOnTheRows) {
+  const auto all = replay("", none, "gyro.fir_taps = [0.5, 0.25, 0.25]\ngyro.bias_rad_per_s = 1\n");
+  EXPECT_NEAR(all.at(50).at("gyro_x"), 1, 1e-12);
+  // A ramp of the specific force's vibration: the sample is 35 ms old.
+  const auto delayed =
+      replay("", none, "sampling_delay_us = 35000\n[imu.vibration]\nsine_hz = [1]\nsine_g = [[1, 0, 0]]\n");
+  int compared = 0;
+  for (const Row& row : delayed) {
+    const double t = 1e-9 * row.at("time_ns");
+    EXPECT_NEAR(row.at("accel_x"), 9.80665 * std::sin(2 * M_PI * (t - 0.035)), 1e-6) << t;
+    ++compared;
+  }
+  EXPECT_EQ(compared, 101);
+}
+
+TEST_F(SurroundingsRun, PopcornAndQuantizationActOnTheRows) {
+  const auto all = replay("", none,
+                          "gyro.popcorn_noise_rad_per_s = 0.5\ngyro.popcorn_time_s = 0.2\n"
+                          "accelerometer.quantization_noise_m_per_s = 1e-3\n",
+                          10);
+  int jumps = 0;
+  double sum = 0, largest = 0, last = 0;
+  for (const Row& row : all) {
+    const double rate = row.at("gyro_x");
+    EXPECT_EQ(std::abs(rate), 0.5);
+    jumps += last * rate < 0 ? 1 : 0;
+    last = rate;
+    sum += row.contains("dvel_x") ? row.at("dvel_x") : 0;
+    largest = std::max(largest, std::abs(sum));
+  }
+  // 50 changes are expected, of which some lie within one sample: 5.5 sigma of 7.
+  EXPECT_GT(jumps, 10);
+  EXPECT_LT(jumps, 90);
+  EXPECT_GT(largest, 1e-3);
+  EXPECT_LT(largest, 1e-2) << "the readings do not add up";
+}
+
+}  // namespace
+}  // namespace imud
