@@ -64,6 +64,10 @@ TEST_F(PresetsTest, HaveTheFiguresOfTheirSources) {
       {"icm-42688-p", 4.8869e-05, 6.8667e-04, 0, 0},
       {"ln-200s", 2.0362e-05, 3.4333e-04, 4.8481e-06, 0},
       {"sbg-ellipse", 5.2360e-05, 5.6000e-04, 3.3937e-05, 1.3729e-04},
+      {"icm-20948", 1.8512e-04, 1.5949e-03, 0, 0},
+      {"icm-20602", 4.9365e-05, 6.9343e-04, 0, 0},
+      {"icm-45686", 4.6897e-05, 7.6278e-04, 0, 0},
+      {"mpu-9250", 1.2341e-04, 2.0803e-03, 0, 0},
   };
   EXPECT_EQ(presets().size(), all.size());
   // A figure was rounded to a product's digits before it was converted: half a percent.
@@ -254,7 +258,7 @@ TEST_F(PresetsTest, ResolveToTheSameErrors) {
       ++compared;
     }
   }
-  EXPECT_EQ(compared, 34);
+  EXPECT_EQ(compared, 42);
 }
 
 TEST_F(PresetsTest, AWrongNameIsAFaultWithTheNearest) {
