@@ -1,0 +1,74 @@
+// FrameDescription: what the file of protocol `frame` says about the frames of a serial sensor (README.md), as plain
+// text and numbers. The reader of the file makes it, and FrameLayout compiles it.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "core/uart.hpp"
+#include "protocols/wire/crc.hpp"
+
+namespace imud {
+
+struct FrameDescription {
+  // Limits of a file, which bound memory and time.
+  static constexpr std::size_t most_messages = 64;
+  static constexpr std::size_t most_elements = 512;       // of a message
+  static constexpr std::size_t longest_element = 512;     // characters
+  static constexpr std::size_t longest_frame = 4096;      // bytes
+  static constexpr std::size_t most_checks = 64;          // own algorithms
+  static constexpr std::uint64_t most_samples = 1 << 20;  // of a divider
+
+  struct Text {
+    std::string text;
+    std::uint32_t line = 0;
+  };
+  struct Value {
+    std::string name;  // of a quantity with its unit, of a counter, or of a bit of the status
+    double value = 0;
+    std::uint32_t line = 0;
+  };
+  struct Check {
+    std::string name;
+    CrcParameters parameters;
+  };
+  struct Message {
+    std::string name;
+    std::uint32_t line = 0;
+    bool is_big = false;  // the byte order of numbers that have none of their own
+    double rate_hz = 0;   // 0: by the divider
+    // Sent with each sample whose number since the start is phase + k * divider.
+    std::uint64_t divider = 1;
+    std::uint64_t phase = 0;  // less than the divider
+    std::vector<Text> layout;
+    std::optional<Text> test_frame;  // in hexadecimal
+    std::vector<Value> test_values;
+  };
+
+  std::string file;      // for messages to users
+  std::string name;      // of the product
+  std::string document;  // and its edition
+  UartSettings uart;     // baud 0: not given
+  std::vector<Check> checks;
+  std::vector<Message> messages;
+};
+
+// A fault of a description, and its remedy.
+struct FrameFault {
+  std::uint32_t line = 0;  // 0: not known
+  std::string where;       // the message, and the element or key in it
+  std::string what;
+};
+
+// All faults of a description; the text has the first.
+struct FrameFaults : std::invalid_argument {
+  FrameFaults(std::string_view file, std::vector<FrameFault> all);
+  std::vector<FrameFault> faults;  // at least one
+};
+
+}  // namespace imud
