@@ -1,0 +1,123 @@
+// FrameLayout: a message of a description, compiled into a template of its bytes and a list of the numbers in it. One
+// list serves encoder and decoder.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "protocols/frames/frame_description.hpp"
+#include "protocols/frames/frame_element.hpp"
+#include "protocols/measurements/measured_quantities.hpp"
+
+namespace imud {
+
+// Returns a number of so many ones, 0 to 64.
+constexpr std::uint64_t low_bits(unsigned bits) noexcept { return bits == 0 ? 0 : ~std::uint64_t{0} >> (64 - bits); }
+
+// Nothing but the constructor throws or allocates.
+class FrameLayout {
+ public:
+  // Throws FrameFaults with every fault of the message.
+  FrameLayout(const FrameDescription& description, const FrameDescription::Message& message);
+
+  std::size_t size() const noexcept { return template_.size(); }  // bytes
+  // Returns true if the message depends on the increments of the Reading.
+  bool has_increments() const noexcept { return has_increments_; }
+  // Returns the number of fields whose remainder is carried.
+  std::size_t carries() const noexcept { return carries_; }
+  // The components that the message carries, as in ReadBack.
+  std::uint32_t components() const noexcept { return components_; }
+
+  // Writes the message number `count` to `frame`, of size() bytes. `carried` are the remainders of the message, of
+  // carries() numbers that are 0 at first. Values saturate and are rounded to nearest, a half away from zero; the low
+  // bits of clocks, counters and status are sent. Returns the number of fields that have saturated: by more than half
+  // their LSB.
+  unsigned encode(const Reading& reading, std::uint64_t count, std::span<double> carried,
+                  std::span<std::byte> frame) const noexcept {
+    return write(reading, count, {}, carried, frame);
+  }
+
+  enum class Match : std::uint8_t { no, unfinished, wrong_check, yes };
+  // Compares the beginning of `held`, which is not empty, with the constants, and a whole frame with its checks.
+  Match match(std::span<const std::byte> held) const noexcept;
+
+  // The number that a frame has for a clock or a counter, and the number of values after which it begins again; 0:
+  // 2^64.
+  struct Wrapping {
+    std::uint64_t value = 0, period = 0;
+  };
+  struct Decoded {
+    std::optional<Wrapping> time, counter, alive_counter;
+  };
+  // The LSB of Decoded::time, ns; 1 if the message has none.
+  std::int64_t time_lsb_ns() const noexcept { return clock_ ? fields_[*clock_].time_lsb_ns : 1; }
+  // The clock and the counters that decode() returns, with values of 0.
+  Decoded wrapping() const noexcept;
+  // Reads the quantities of a frame that matches into `read`. nullopt if a number is not finite.
+  std::optional<Decoded> decode(std::span<const std::byte> frame, ReadBack& read) const noexcept;
+
+  // A line of the layout, for people.
+  struct Row {
+    std::size_t offset = 0, size = 0;  // bytes
+    std::string type, lsb, unit, name;
+  };
+  const std::vector<Row>& rows() const noexcept { return rows_; }
+
+ private:
+  using Source = FrameSource::Kind;
+  struct Field {
+    std::size_t offset = 0;
+    FrameNumber number;
+    unsigned low = 0, width = 8;  // bits of the number that the field has
+    Source source = Source::constant;
+    std::uint32_t status_bits = 0;  // of a bit of the status
+    bool is_inverse = false;
+    const MeasuredQuantity* quantity = nullptr;
+    // SI = (number - whole - fraction) * lsb; `whole` is apart so that no digits are lost.
+    double lsb = 1, whole = 0, fraction = 0;
+    double lowest = 0, highest = 0;  // of the number
+    std::int64_t time_lsb_ns = 0;    // of a clock that is an integer
+    std::uint64_t period = 0;        // of a clock or counter: the values it has; 0: 2^64
+    // With a modulus: number = (value in the unit, less the modulus as often as it fits, - bias) / scale.
+    double modulus = 0, factor = 1, zero = 0, scale = 1, bias = 0;
+    std::optional<std::size_t> carry;  // index in the remainders
+  };
+  struct Check {
+    FrameCheck check;
+    std::size_t offset = 0;
+    bool is_big = false;
+    std::vector<FrameCheck::Range> ranges;
+    std::vector<std::byte> extra;
+    std::uint32_t line = 0;
+    std::string text;
+  };
+  class Compiler;
+
+  // Writes the frame; `numbers`, if not empty, are the values of quantities that are real numbers, SI, one for each
+  // field, in place of the Reading's.
+  unsigned write(const Reading& reading, std::uint64_t count, std::span<const double> numbers,
+                 std::span<double> carried, std::span<std::byte> frame) const noexcept;
+  std::uint64_t number_of(const Field& field, const Reading& reading, std::uint64_t count, const double* given,
+                          std::span<double> carried, unsigned& saturated) const noexcept;
+  std::uint64_t rounded_time(const Field& field, std::int64_t ns) const noexcept;
+  // Returns the value in SI that a field of a frame has. The field is no clock that is an integer, counter or status.
+  static double value_of(const Field& field, std::uint64_t bits) noexcept;
+  void write_checks(std::span<std::byte> frame) const noexcept;
+
+  std::vector<std::byte> template_;  // the constants; all other bits are 0
+  std::vector<std::byte> constant_;  // the bits that are constant are 1
+  std::vector<Field> fields_;
+  std::vector<Check> checks_;  // a check whose range contains another one follows it
+  bool has_increments_ = false;
+  std::size_t carries_ = 0;
+  std::uint32_t components_ = 0;
+  // Where several fields are a clock or a counter, the one with the longest round is read back. Indices of fields.
+  std::optional<std::size_t> clock_, counter_, alive_counter_;
+  std::vector<Row> rows_;
+};
+
+}  // namespace imud
