@@ -228,6 +228,10 @@ struct Protocol {
   // its configuration names another. nullptr: the errors of `product`.
   std::string_view (*preset)(const Settings& settings) = nullptr;
 
+  // Returns the layout of the frames that a unit with these settings sends, as lines for people. Throws as make does.
+  // nullptr: the document has it.
+  std::vector<std::string> (*layout)(const Settings& settings) = nullptr;
+
   // Throws std::invalid_argument, whose message is "KEY: ", the fault and the remedy, if a unit cannot
   // work as these settings and this sample rate ask. nullptr: it always can. This checks a
   // configuration, not a device.

@@ -140,6 +140,7 @@ void Settings::set(std::string_view key, SettingValue value) {
     value = static_cast<double>(std::get<std::int64_t>(value));
   if (value.index() != values_[i].index() || !acceptable(declared_[i], value)) refuse(declared_[i]);
   values_[i] = std::move(value);
+  if (declared_[i].names_frames) frames_.reset();
 }
 
 void Settings::set_text(std::string_view key, std::string_view text) {

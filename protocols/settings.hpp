@@ -7,10 +7,13 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <variant>
 #include <vector>
 
 namespace imud {
+
+struct FrameDescription;  // protocols/frames/frame_description.hpp
 
 using SettingValue = std::variant<bool, std::int64_t, double, std::string, std::vector<std::string>>;
 
@@ -23,6 +26,7 @@ struct Setting {
   double min = 0;
   double max = 0;
   std::span<const std::string_view> choices = {};
+  bool names_frames = false;  // the text names a FrameDescription, which Settings::attach() gets
 };
 
 // The rows of an entry's table, by the type of the initial value.
@@ -39,6 +43,10 @@ constexpr Setting real_setting(std::string_view key, std::string_view help, doub
 constexpr Setting text_setting(std::string_view key, std::string_view help, std::string_view initial,
                                std::span<const std::string_view> choices = {}) {
   return {key, help, initial, 0, 0, choices};
+}
+// The name of a file, or of a shipped description, of frames. Who sets it reads the file, as protocols read no TOML.
+constexpr Setting frames_setting(std::string_view key, std::string_view help) {
+  return {.key = key, .help = help, .initial = std::string_view(), .names_frames = true};
 }
 constexpr Setting list_setting(std::string_view key, std::string_view help,
                                std::span<const std::string_view> initial = {},
@@ -58,6 +66,10 @@ class Settings {
   // As set(), from "true", "12", "0x7F", "1.5", "text" or "a,b,c".
   void set_text(std::string_view key, std::string_view text);
 
+  // Gives the content of the file that the setting with Setting::names_frames names. set() of that key removes it.
+  void attach(std::shared_ptr<const FrameDescription> frames) { frames_ = std::move(frames); }
+  const std::shared_ptr<const FrameDescription>& frames() const { return frames_; }  // nullptr: none
+
   bool flag(std::string_view key) const;
   std::int64_t integer(std::string_view key) const;
   double real(std::string_view key) const;
@@ -71,6 +83,7 @@ class Settings {
   std::size_t find(std::string_view key) const;  // declared_.size() if there is none
   std::span<const Setting> declared_;
   std::vector<SettingValue> values_;  // as declared_
+  std::shared_ptr<const FrameDescription> frames_;
 };
 
 // Makes a T, whose constructor takes the settings: for `make` and `make_decoder` of an entry.

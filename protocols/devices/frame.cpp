@@ -1,0 +1,160 @@
+// Any serial sensor whose frames a file describes (protocols/frames/README.md): the messages that are due with each
+// sample, as the file lays out their bytes.
+//
+// [imu.device]
+// frame_file = "my.toml"
+#include <algorithm>
+#include <cstdio>
+#include <stdexcept>
+#include <string>
+
+#include "core/units.hpp"
+#include "protocols/frames/frame_device.hpp"
+
+namespace imud {
+namespace {
+
+// The message of a configuration without a file.
+constexpr double rate_lsb = 0x1p-24, force_lsb = 0x1p-20, angle_lsb = 0x1p-30, velocity_lsb = 0x1p-24,
+                 temperature_lsb = 0x1p-8;
+constexpr double i32_end = 0x1p31, i16_end = 0x1p15;
+constexpr const char* example_layout[] = {
+    "\"IMUF\"",
+    "time_us:u64",
+    "sample_counter:u64",
+    "rate_x_rad_per_s:i32*2^-24",
+    "rate_y_rad_per_s:i32*2^-24",
+    "rate_z_rad_per_s:i32*2^-24",
+    "specific_force_x_m_per_s2:i32*2^-20",
+    "specific_force_y_m_per_s2:i32*2^-20",
+    "specific_force_z_m_per_s2:i32*2^-20",
+    "delta_angle_x_rad:i32*2^-30",
+    "delta_angle_y_rad:i32*2^-30",
+    "delta_angle_z_rad:i32*2^-30",
+    "delta_velocity_x_m_per_s:i32*2^-24",
+    "delta_velocity_y_m_per_s:i32*2^-24",
+    "delta_velocity_z_m_per_s:i32*2^-24",
+    "temperature_c:i16*2^-8",
+    "status:u32",
+};
+
+FrameDescription example() {
+  FrameDescription description;
+  description.file = "example";
+  description.name = "example";
+  FrameDescription::Message& message = description.messages.emplace_back();
+  message.name = "imu";
+  for (const char* element : example_layout) message.layout.push_back({element, 0});
+  return description;
+}
+
+FrameDescription description_of(const Settings& settings) {
+  if (settings.frames() != nullptr) return *settings.frames();
+  if (!settings.text("frame_file").empty())
+    throw std::invalid_argument("frame_file: the file was not read; this program cannot use it");
+  return example();
+}
+
+UartSettings uart_of(const FrameDescription& description, const Settings& settings) {
+  UartSettings uart = description.uart;
+  if (const std::int64_t baud = settings.integer("baud"); baud != 0) uart.baud = static_cast<unsigned>(baud);
+  return uart;
+}
+
+// A message cannot be sent more often than there are samples.
+void check_rates(const Settings& settings, double rate_hz) {
+  const FrameDescription description = description_of(settings);
+  for (const FrameDescription::Message& message : description.messages) {
+    if (message.rate_hz <= rate_hz * (1 + 1e-6)) continue;
+    char text[160];
+    std::snprintf(text, sizeof text, "rate_hz is %g, but with rate_hz = %g of the imu there are no more samples",
+                  message.rate_hz, rate_hz);
+    throw std::invalid_argument("frame_file: " + description.file + ": line " + std::to_string(message.line) +
+                                ": message \"" + message.name + "\": " + text);
+  }
+}
+
+std::string when(const FrameMessage& message) {
+  if (message.period.count() == 0 && message.divider == 1) return "with every sample";
+  char text[80];
+  if (message.period.count() != 0)
+    std::snprintf(text, sizeof text, "at %g Hz", 1 / seconds(message.period));
+  else
+    std::snprintf(text, sizeof text, "with one of %llu samples", static_cast<unsigned long long>(message.divider));
+  return text;
+}
+
+std::vector<std::string> layout_of(const Settings& settings) {
+  const FrameDescription description = description_of(settings);
+  std::vector<std::string> lines;
+  for (const FrameMessage& message : frame_messages(description)) {
+    lines.push_back(description.name + ", message \"" + message.name +
+                    "\": " + std::to_string(message.layout.size()) + " bytes, " + when(message));
+    const std::vector<FrameLayout::Row>& rows = message.layout.rows();
+    std::size_t type = 4, lsb = 3, unit = 4;
+    for (const FrameLayout::Row& row : rows) {
+      type = std::max(type, row.type.size());
+      lsb = std::max(lsb, row.lsb.size());
+      unit = std::max(unit, row.unit.size());
+    }
+    const auto padded = [](std::string text, std::size_t width) {
+      text.resize(std::max(width, text.size()), ' ');
+      return text;
+    };
+    const auto add = [&](const std::string& offset, const FrameLayout::Row& row) {
+      lines.push_back(padded(offset, 6) + "  " + padded(row.type, type) + "  " + padded(row.lsb, lsb) + "  " +
+                      padded(row.unit, unit) + "  " + row.name);
+    };
+    add("offset", {0, 0, "type", "LSB", "unit", "name"});
+    for (const FrameLayout::Row& row : rows)
+      add(std::string(6 - std::min<std::size_t>(6, std::to_string(row.offset).size()), ' ') +
+              std::to_string(row.offset),
+          row);
+  }
+  return lines;
+}
+
+constexpr Setting settings[] = {
+    frames_setting("frame_file",
+                   "file that describes the frames, or the name of a shipped description (imud list frame); without "
+                   "it, one message is an example"),
+    integer_setting("baud", "bit rate of the line, in place of that of the file; 0: as the file has it", 0, 0,
+                    20'000'000),
+};
+
+constexpr DeviceCounter counters[] = {
+    {"saturated_fields", "fields saturated",
+     "a value is beyond the range of its field, and was sent as the nearest in it; see protocols/frames/README.md"}};
+
+}  // namespace
+
+extern constexpr Protocol frame_protocol = {
+    .name = "frame",
+    .summary = "Any serial sensor whose frames a file describes",
+    .document = "a description of the user's; its language is in protocols/frames/README.md",
+    .settings = settings,
+    .resolution = {.time_s = 1e-6,
+                   .rate = rate_lsb,
+                   .specific_force = force_lsb,
+                   .delta_angle = angle_lsb,
+                   .delta_velocity = velocity_lsb,
+                   .temperature_c = temperature_lsb},
+    .range = {.rate = (i32_end - 1) * rate_lsb,
+              .specific_force = (i32_end - 1) * force_lsb,
+              .delta_angle = (i32_end - 1) * angle_lsb,
+              .delta_velocity = (i32_end - 1) * velocity_lsb,
+              .temperature_c = (i16_end - 1) * temperature_lsb},
+    .sends_some_samples = true,
+    .counters = counters,
+    .layout = layout_of,
+    .check = check_rates,
+    .make = [](const Settings& chosen) -> std::unique_ptr<Device> {
+      const FrameDescription description = description_of(chosen);
+      return std::make_unique<FrameDevice>(frame_messages(description), uart_of(description, chosen));
+    },
+    .make_decoder = [](const Settings& chosen) -> std::unique_ptr<Decoder> {
+      return std::make_unique<FrameStreamDecoder>(frame_messages(description_of(chosen)));
+    },
+};
+
+}  // namespace imud

@@ -1,0 +1,109 @@
+// FrameDevice and FrameStreamDecoder: a sensor that sends the messages of a description, and the decoder of its
+// stream.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "protocols/frames/frame_layout.hpp"
+#include "protocols/protocol.hpp"
+#include "protocols/wire/frame_search.hpp"
+
+namespace imud {
+
+// A message and when it is sent.
+struct FrameMessage {
+  std::string name;
+  std::uint32_t line = 0;     // in the file
+  Nanoseconds period = {};    // with the first sample of each period; 0: by the divider
+  std::uint64_t divider = 1;  // with the samples of numbers phase + k * divider since the start
+  std::uint64_t phase = 0;
+  FrameLayout layout;
+};
+
+// Returns the messages, compiled. Throws FrameFaults with every fault.
+std::vector<FrameMessage> frame_messages(const FrameDescription& description);
+
+// Sends the messages that are due with each sample, in the order of the file. Increments are the sums since the same
+// message was last sent. The first sample after power on starts periods and dividers.
+class FrameDevice final : public Device {
+ public:
+  FrameDevice(std::vector<FrameMessage> messages, const UartSettings& uart);
+
+  void power_on(DeviceTime now) noexcept override;
+  void sample(const Sample& sample, FrameBuffer& out) noexcept override;
+  void step_clock(Nanoseconds by) noexcept override;
+  UartSettings uart() const noexcept override { return uart_; }
+  std::span<const std::uint64_t> counts() const noexcept override { return {&saturated_, 1}; }
+
+ private:
+  struct Scheduled {
+    FrameMessage message;
+    std::int64_t number = -1;  // of the message that was sent last; alive_counter has it
+    DeviceTime sent = {};
+    Vector3 delta_angle = Vector3::Zero(), delta_velocity = Vector3::Zero();
+    Quaternion rotation = Quaternion::Identity();
+    std::vector<double> carried = {};
+  };
+  void restart(DeviceTime now) noexcept;
+  std::int64_t number_at(const Scheduled& one, DeviceTime now) const noexcept;
+  void send(Scheduled& one, const Sample& sample, FrameBuffer& out) noexcept;
+
+  std::vector<Scheduled> scheduled_;
+  UartSettings uart_;
+  std::optional<DeviceTime> start_;  // time of the first sample since power on
+  std::uint64_t counter_ = 0;        // of the last sample
+  std::int64_t samples_ = 0;         // since the start
+  std::uint64_t saturated_ = 0;      // fields, in all messages
+};
+
+// Finds the frames by their constants and checks, and collects the messages of a sample to a measurement. Messages
+// that are sent most often must all be there, in the order of the file; others may be missing. The measurement is
+// complete with the last message of the file, or when the next sample begins. A vector has its field set if all
+// components that the messages carry are there; the others are 0. Clocks and counters go on where they begin again; a
+// stream without a counter of samples has its counter of messages.
+class FrameStreamDecoder final : public Decoder {
+ public:
+  explicit FrameStreamDecoder(std::vector<FrameMessage> messages);
+
+  void feed(const Frame& frame, MeasurementSink& sink) override;
+  void finish(MeasurementSink& sink) override;
+
+ private:
+  using Search = FrameSearch<FrameDescription::longest_frame>;
+  using Wrapping = FrameLayout::Wrapping;
+  // A clock or a counter, continued.
+  class Continued {
+   public:
+    // Returns the number that is nearest to the last one, or, of a short counter, the next one that is not less.
+    std::uint64_t next(const Wrapping& read, bool may_go_back) noexcept;
+
+   private:
+    std::optional<std::uint64_t> last_;
+  };
+  struct Known {
+    FrameMessage message;
+    bool is_needed = false;
+  };
+
+  std::size_t parse(std::span<const std::byte> held, MeasurementSink& sink);
+  bool accept(std::size_t index, std::span<const std::byte> frame, MeasurementSink& sink);
+  void begin() noexcept;
+  void end(MeasurementSink& sink);
+  void choose_clocks();
+
+  std::vector<Known> known_;
+  std::uint32_t components_ = 0;  // that all messages together carry
+  std::size_t needed_ = 0;        // messages that are sent most often
+  // Indices of the messages whose clock and counter are read.
+  std::optional<std::size_t> clock_, counter_, alive_counter_;
+  Continued time_, count_;
+
+  Search search_;
+  ReadBack set_;           // the sample that is being collected
+  std::size_t next_ = 0;   // index of the message that may follow
+  std::size_t found_ = 0;  // messages of it that are needed
+};
+
+}  // namespace imud
