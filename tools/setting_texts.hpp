@@ -8,12 +8,13 @@
 #include <string>
 #include <vector>
 
+#include "emulator/frames/frame_file.hpp"
 #include "protocols/settings.hpp"
 
 namespace imud {
 
-// Returns the initial settings after each text, KEY=VALUE. Throws std::invalid_argument, which names the fault and
-// the remedy.
+// Returns the initial settings after each text, KEY=VALUE, with the description that one of them names. Throws
+// std::invalid_argument, which names the fault and the remedy, or ConfigError with the faults of the description.
 inline Settings settings_from(std::span<const Setting> declared, const std::vector<std::string>& texts) {
   Settings settings(declared);
   for (const std::string& text : texts) {
@@ -22,6 +23,7 @@ inline Settings settings_from(std::span<const Setting> declared, const std::vect
       throw std::invalid_argument(fmt::format("--set {}: right would be --set KEY=VALUE", text));
     settings.set_text(text.substr(0, equals), text.substr(equals + 1));
   }
+  attach_frames(settings, declared);
   return settings;
 }
 

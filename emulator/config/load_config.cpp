@@ -9,6 +9,7 @@
 #include "emulator/config/config_parts.hpp"
 #include "emulator/config/config_text.hpp"
 #include "emulator/config/scenario.hpp"
+#include "emulator/frames/frame_file.hpp"
 #include "emulator/ground/tcp_address.hpp"
 #include "emulator/plan/keys.hpp"
 
@@ -75,6 +76,13 @@ Settings read_settings(TableReader& table, std::span<const Setting> declared, Ta
     } catch (const std::invalid_argument& error) {
       (own != nullptr && own->has(setting.key) ? *own : table).fault(setting.key, error.what());
     }
+  }
+  try {
+    attach_frames(settings, declared);
+  } catch (const ConfigError& error) {
+    for (const std::string& fault : error.faults)
+      for (const Setting& setting : declared)
+        if (setting.names_frames) (own != nullptr && own->has(setting.key) ? *own : table).fault(setting.key, fault);
   }
   for (const Setting& setting : declared)
     std::visit(

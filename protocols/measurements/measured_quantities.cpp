@@ -116,6 +116,7 @@ double unix_time(Utc at) noexcept { return 1e-9 * static_cast<double>(at.time_si
 double time_of_week(const Reading& r) noexcept {
   return r.sample.navigation.is_known ? 1e-9 * static_cast<double>(r.sample.navigation.gps_ns % gps_week_ns) : 0;
 }
+double gps_time(const Reading& r) noexcept { return 1e-9 * static_cast<double>(r.sample.navigation.gps_ns); }
 double gps_week(const Reading& r) noexcept { return static_cast<double>(r.sample.navigation.gps_ns / gps_week_ns); }
 
 double temperature(const Reading& r) noexcept { return r.sample.temperature_c; }
@@ -212,6 +213,7 @@ constexpr MeasuredQuantity quantities[] = {
     {"utc_subsecond", "in steps of 0.1 ms", key_units::time, utc<subsecond>},
     {"gps_week", "GPS time", {}, gps_week},
     {"gps_time_of_week", "", key_units::time, time_of_week},
+    {"gps_time", "since 1980-01-06", key_units::time, gps_time},
     {"sample_counter", "wraps", {}, nullptr, nullptr, counter},
     {"status", "bits of core/sample.hpp", {}, nullptr, nullptr, status},
 };

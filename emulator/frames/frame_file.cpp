@@ -1,0 +1,226 @@
+#include "emulator/frames/frame_file.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cmath>
+#include <cstring>
+#include <fstream>
+#include <utility>
+#include <vector>
+
+#include "core/time.hpp"
+#include "emulator/ground/table_reader.hpp"
+#include "emulator/plan/config.hpp"
+#include "protocols/frames/frame_device.hpp"
+
+namespace imud {
+namespace {
+
+constexpr std::size_t largest_file = 1 << 20;  // bytes
+
+std::vector<std::string> one(std::string fault) { return {std::move(fault)}; }
+
+std::string content_of(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  std::string text(largest_file + 1, '\0');
+  if (file) file.read(text.data(), static_cast<std::streamsize>(text.size()));
+  if (!file && !file.eof())
+    throw ConfigError(one(fmt::format("{}: {}; give the path of a description", path, std::strerror(errno))));
+  text.resize(static_cast<std::size_t>(file.gcount()));
+  if (text.size() > largest_file)
+    throw ConfigError(one(fmt::format("{}: has more than {} bytes; a description is shorter", path, largest_file)));
+  return text;
+}
+
+// Returns the tables of [[key]]; adds a fault if it is something else.
+std::vector<const toml::table*> tables_of(TableReader& table, std::string_view key, std::size_t most) {
+  const toml::node* node = table.node(key);
+  if (node == nullptr) return {};
+  const toml::array* array = node->as_array();
+  std::vector<const toml::table*> tables;
+  if (array == nullptr || !array->is_array_of_tables())
+    table.fault(key, fmt::format("give tables, each as [[{}]]", key));
+  else if (array->size() > most)
+    table.fault(key, fmt::format("there are more than {}", most));
+  else
+    for (const toml::node& one : *array) tables.push_back(one.as_table());
+  return tables;
+}
+
+bool is_big(TableReader& table, bool fallback) {
+  return table.choice<bool>("byte_order", {{false, "little"}, {true, "big"}}, fallback);
+}
+
+UartSettings read_line(TableReader table) {
+  UartSettings uart;
+  uart.baud = static_cast<unsigned>(table.unsigned_integer("baud", 0, 20'000'000));
+  uart.parity = table.choice<Parity>("parity", {{Parity::none, "none"}, {Parity::even, "even"}, {Parity::odd, "odd"}},
+                                     Parity::none);
+  uart.stop_bits = static_cast<unsigned>(table.unsigned_integer("stop_bits", 1, 2));
+  if (uart.stop_bits == 0) table.fault("stop_bits", "give 1 or 2");
+  table.finish();
+  return uart;
+}
+
+FrameDescription::Check read_check(TableReader table, const std::string& name) {
+  FrameDescription::Check check{name, {}};
+  CrcParameters& crc = check.parameters;
+  require(table, "width", "the bits of the CRC");
+  require(table, "poly", "the polynomial without its highest bit, such as 0x1021");
+  crc.width = static_cast<unsigned>(table.unsigned_integer("width", 16, 64));
+  if (crc.width == 0 || crc.width % 8 != 0) {
+    table.fault("width", "give 8, 16, 24, 32, 40, 48, 56 or 64 bits");
+    crc.width = 64;
+  }
+  const std::uint64_t most = low_bits(crc.width);
+  crc.poly = table.unsigned_integer("poly", 0, most);
+  crc.init = table.unsigned_integer("init", 0, most);
+  crc.xorout = table.unsigned_integer("xorout", 0, most);
+  crc.refin = table.flag("refin", false);
+  crc.refout = table.flag("refout", crc.refin);
+  table.finish();
+  return check;
+}
+
+void read_checks(TableReader& table, FrameDescription& description) {
+  const toml::node* node = table.node("check");
+  if (node == nullptr) return;
+  const toml::table* checks = node->as_table();
+  if (checks == nullptr || checks->size() > FrameDescription::most_checks)
+    return table.fault("check",
+                       fmt::format("describe a CRC as [check.NAME], at most {}", FrameDescription::most_checks));
+  TableReader reader = table.child("check");
+  for (const auto& [key, value] : *checks) {
+    const std::string name(key.str());
+    constexpr std::string_view separators = ":,+. \t@\"";
+    if (name.find_first_of(separators) != name.npos || FrameCheck::find(name, {}))
+      reader.fault(name, "give another name: letters, digits and underscores, and no check that is known");
+    else if (!value.is_table())
+      reader.fault(name, fmt::format("describe the CRC as [check.{}]", name));
+    else
+      description.checks.push_back(read_check(reader.child(name), name));
+  }
+}
+
+void read_layout(TableReader& table, std::uint32_t line, FrameDescription::Message& message) {
+  require(table, "layout", "the list of the elements, in the order of their bytes");
+  const toml::node* node = table.node("layout");
+  if (node == nullptr) return;
+  const toml::array* list = node->as_array();
+  if (list == nullptr || list->empty() || !list->is_homogeneous(toml::node_type::string))
+    return table.fault("layout", "give a list of texts, such as [\"AA 55\", \"rate_x_deg_per_s:f32\"]");
+  if (list->size() > FrameDescription::most_elements)
+    return table.fault("layout", fmt::format("has more than {} elements", FrameDescription::most_elements));
+  for (const toml::node& one : *list) {
+    const std::uint32_t at = one.source().begin.line;
+    message.layout.push_back({one.value_or(std::string()), at != 0 ? at : line});
+  }
+}
+
+void read_test(TableReader& table, FrameDescription::Message& message) {
+  if (table.has("test_frame"))
+    message.test_frame = {table.text("test_frame", ""), table.node("test_frame")->source().begin.line};
+  const toml::node* node = table.node("test_values");
+  if (node == nullptr) return;
+  const toml::table* values = node->as_table();
+  if (values == nullptr)
+    return table.fault("test_values", "give a table of quantities, such as {rate_x_deg_per_s = 10}");
+  for (const auto& [key, value] : *values) {
+    const auto number = value.is_number() ? value.value<double>() : std::nullopt;
+    if (number && std::isfinite(*number))
+      message.test_values.push_back({std::string(key.str()), *number, value.source().begin.line});
+    else
+      table.fault("test_values", fmt::format("{}: give a finite number", key.str()));
+  }
+}
+
+FrameDescription::Message read_message(TableReader table, std::uint32_t line, bool big, std::size_t number) {
+  FrameDescription::Message message;
+  message.line = line;
+  message.name = table.text("name", fmt::format("{}", number + 1));
+  message.is_big = is_big(table, big);
+  message.rate_hz = table.real("rate_hz", 0, 0, Grid::max_rate_hz);
+  if (message.rate_hz > 0 && message.rate_hz < 1e-3) table.fault("rate_hz", "give at least 0.001");
+  message.divider = table.unsigned_integer("divider", 1, FrameDescription::most_samples);
+  message.phase = table.unsigned_integer("phase", 0, FrameDescription::most_samples);
+  if (message.divider == 0) table.fault("divider", "give 1 for every sample, 2 for every second one");
+  if (table.has("rate_hz") && (table.has("divider") || table.has("phase")))
+    table.fault("rate_hz", "give either this, or divider and phase");
+  if (message.divider != 0 && message.phase >= message.divider)
+    table.fault("phase", "must be less than divider: it is the number of the first sample that is sent");
+  read_layout(table, line, message);
+  read_test(table, message);
+  table.finish();
+  return message;
+}
+
+void read_root(TableReader& table, Faults& faults, toml::table& resolved, FrameDescription& description) {
+  require(table, "frame_version", "1, the version of the language");
+  if (table.has("frame_version") && table.unsigned_integer("frame_version", 1, 1'000'000) != 1)
+    table.fault("frame_version", "this imud reads version 1");
+  require(table, "name", "the name of the product");
+  description.name = table.text("name", "");
+  description.document = table.text("document", "");
+  const bool big = is_big(table, false);
+  description.uart = read_line(table.child("line"));
+  read_checks(table, description);
+  require(table, "message", "at least one [[message]]");
+  for (const toml::table* one : tables_of(table, "message", FrameDescription::most_messages)) {
+    const std::size_t number = description.messages.size();
+    const std::uint32_t line = one->source().begin.line;
+    description.messages.push_back(read_message(
+        TableReader(one, fmt::format("message.{}.", number), line, faults, resolved), line, big, number));
+  }
+  table.finish();
+}
+
+}  // namespace
+
+std::shared_ptr<const FrameDescription> frames_of_text(std::string_view text, const std::string& file) {
+  Faults faults(file);
+  toml::table root, resolved;
+  auto description = std::make_shared<FrameDescription>();
+  description->file = file;
+  try {
+    root = toml::parse(text);
+  } catch (const toml::parse_error& error) {
+    faults.add(error.source().begin.line, "TOML", error.description());
+    throw ConfigError(faults.all());
+  }
+  TableReader table(&root, "", 1, faults, resolved);
+  read_root(table, faults, resolved, *description);
+  if (faults.all().empty()) try {
+      static_cast<void>(frame_messages(*description));
+    } catch (const FrameFaults& error) {
+      for (const FrameFault& fault : error.faults) faults.add(fault.line, fault.where, fault.what);
+    }
+  if (!faults.all().empty()) throw ConfigError(faults.all());
+  return description;
+}
+
+std::shared_ptr<const FrameDescription> read_frames(const std::string& name) {
+  if (name.find('/') != name.npos || name.ends_with(".toml")) return frames_of_text(content_of(name), name);
+  std::vector<std::string> words;
+  for (const ShippedFrames& shipped : shipped_frames()) {
+    if (shipped.name == name) return frames_of_text(shipped.text, name);
+    words.emplace_back(shipped.name);
+  }
+  throw ConfigError(one(fmt::format("no description \"{}\" is shipped; {}; a file is given as \"./{}.toml\"", name,
+                                    suggestion(name, words), name)));
+}
+
+void attach_frames(Settings& settings, std::span<const Setting> declared) {
+  for (const Setting& setting : declared) {
+    if (!setting.names_frames || settings.text(setting.key).empty() || settings.frames() != nullptr) continue;
+    try {
+      settings.attach(read_frames(settings.text(setting.key)));
+    } catch (const ConfigError&) {
+      settings.set(setting.key, std::string());
+      throw;
+    }
+  }
+}
+
+}  // namespace imud
