@@ -49,9 +49,12 @@ void make_typical(const ImuConfig& imu, std::uint8_t uart, Nanoseconds end, Take
   }
 }
 
+// Counts the frames of a second, or of ten samples if these take longer.
 std::vector<SentFrames> sent_by_product(const ImuConfig& imu, std::uint8_t uart) {
   std::vector<SentFrames> all;
-  make_typical(imu, uart, std::chrono::seconds(2), [&all](const Frame& frame) { add(all, frame, 1.0); });
+  const auto counted = std::chrono::seconds(std::max<std::int64_t>(1, std::llround(10 / imu.rate_hz)));
+  const double per_s = 1 / seconds(counted);
+  make_typical(imu, uart, std::chrono::seconds(1) + counted, [&](const Frame& frame) { add(all, frame, per_s); });
   return all;
 }
 
@@ -116,7 +119,8 @@ std::vector<SentFrames> sent_frames(const ImuConfig& imu, std::uint8_t uart) {
       all.push_back({message.can, message.max_size, message.max_frames_per_s});
     return all;
   }
-  return imu.protocol->product != nullptr ? sent_by_product(imu, uart) : sent_by_sample(imu);
+  const bool varies = imu.protocol->product != nullptr || imu.protocol->sends_some_samples;
+  return varies ? sent_by_product(imu, uart) : sent_by_sample(imu);
 }
 
 namespace {
