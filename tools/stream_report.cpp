@@ -35,6 +35,9 @@ nlohmann::json number_or_null(std::optional<double> number) {
   return number ? nlohmann::json(*number) : nlohmann::json(nullptr);
 }
 
+// A layout that the settings describe may have checksums.
+bool may_have_checksum(const Protocol& protocol) { return protocol.has_checksum || protocol.layout != nullptr; }
+
 }  // namespace
 
 std::vector<StreamReport::Figure> StreamReport::figures() const {
@@ -99,9 +102,10 @@ std::string StreamReport::text() const {
     line("gaps", fmt::format("{} ({} missing)", statistics.gaps(), plural(statistics.missing(), "sample")));
   else
     line("gaps", "unknown: the protocol carries neither counter nor time");
-  line("checksum", fmt::format("{}, {} malformed, {} incomplete, {} skipped",
-                               protocol.has_checksum ? plural(errors.checksum, "failure") : "none in this protocol",
-                               errors.malformed, errors.incomplete, plural(errors.skipped_bytes, "byte")));
+  line("checksum",
+       fmt::format("{}, {} malformed, {} incomplete, {} skipped",
+                   may_have_checksum(protocol) ? plural(errors.checksum, "failure") : "none in this protocol",
+                   errors.malformed, errors.incomplete, plural(errors.skipped_bytes, "byte")));
 
   if (statistics.repeated() + statistics.back() > 0)
     line("order", fmt::format("{} repeated, {} back (a restart, or reordering)",

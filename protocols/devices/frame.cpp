@@ -131,7 +131,7 @@ constexpr DeviceCounter counters[] = {
 extern constexpr Protocol frame_protocol = {
     .name = "frame",
     .summary = "Any serial sensor whose frames a file describes",
-    .document = "a description of the user's; its language is in protocols/frames/README.md",
+    .document = "the user's description; its language: protocols/frames/README.md",
     .settings = settings,
     .resolution = {.time_s = 1e-6,
                    .rate = rate_lsb,
