@@ -1,0 +1,136 @@
+// When messages are sent, and how a stream of several messages is decoded.
+#include "core/units.hpp"
+#include "tests/protocols/frames/frame_unit.hpp"
+
+namespace imud {
+namespace {
+
+constexpr std::string_view three_messages = R"(
+frame_version = 1
+name = "three"
+byte_order = "big"
+[[message]]
+name = "fast"
+layout = ["F1", "rate_x_deg_per_s:i16*0.01", "rate_y_deg_per_s:i16*0.01", "rate_z_deg_per_s:i16*0.01",
+          "sample_counter:u8", "time_ms:u16"]
+[[message]]
+name = "divided"
+divider = 5
+phase = 2
+layout = ["F2", "delta_angle_x_rad:f64", "delta_angle_y_rad:f64", "delta_angle_z_rad:f64", "alive_counter:u8"]
+[[message]]
+name = "slow"
+rate_hz = 8
+layout = ["F3", "temperature_c:i8", "alive_counter:u16"]
+)";
+
+Sample nth(std::uint64_t k) {
+  Sample sample;
+  sample.counter = k;
+  sample.time.ns = static_cast<std::int64_t>(k) * 10'000'000;
+  sample.rate = Vector3(1, -2, 3) * units::degree * (1 + 0.01 * static_cast<double>(k % 7));
+  sample.delta_angle = Vector3(0.5, 0.25, -0.125) * static_cast<double>(k);
+  sample.temperature_c = 20;
+  return sample;
+}
+
+std::string kinds(Line& line, std::uint64_t first, std::uint64_t count) {
+  std::string text;
+  for (std::uint64_t k = first; k < first + count; ++k) {
+    for (const Frame& frame : line.encode(nth(k))) text += std::to_string(std::to_integer<int>(frame.bytes[0]) & 15);
+    text += ' ';
+  }
+  return text;
+}
+
+TEST(FrameSchedule, MessagesAreSentByDividerPhaseAndRate) {
+  Line line = frame_line(three_messages);
+  EXPECT_EQ(kinds(line, 0, 16), "13 1 12 1 1 1 1 12 1 1 1 1 12 13 1 1 ");
+  line.device->power_on({});
+  EXPECT_EQ(kinds(line, 100, 4), "13 1 12 1 ");
+  // Samples that are skipped do not shift the grid.
+  EXPECT_EQ(kinds(line, 107, 1), "12 ");
+  EXPECT_EQ(kinds(line, 111, 2), "1 12 ");
+}
+
+TEST(FrameSchedule, IncrementsAreSumsSinceTheLastMessage) {
+  Line line = frame_line(three_messages);
+  Recording recording;
+  for (std::uint64_t k = 0; k < 20; ++k)
+    for (const Frame& frame : line.encode(nth(k))) line.decoder->feed(frame, recording);
+  line.decoder->finish(recording);
+  ASSERT_EQ(recording.measurements.size(), 20U);
+  double sum = 0;
+  for (std::uint64_t k = 0; k < 20; ++k) {
+    const Measurement& measurement = recording.measurements[k];
+    EXPECT_EQ(measurement.sample.counter, k);
+    EXPECT_EQ(measurement.sample.time.ns, nth(k).time.ns);
+    EXPECT_NEAR(measurement.sample.rate.z(), nth(k).rate.z(), 0.005 * units::degree);
+    const bool has_increment = k % 5 == 2;
+    EXPECT_EQ((measurement.fields & Measurement::delta_angle) != 0, has_increment) << k;
+    EXPECT_EQ((measurement.fields & Measurement::temperature) != 0, k == 0 || k == 13) << k;
+    sum += 0.5 * static_cast<double>(k);
+    if (has_increment) {
+      EXPECT_EQ(measurement.sample.delta_angle.x(), std::exchange(sum, 0));
+    }
+  }
+}
+
+TEST(FrameSchedule, ClocksAndCountersGoOnWhereTheyBeginAgain) {
+  Line line = frame_line(three_messages);
+  Recording recording(20'000);
+  for (std::uint64_t k = 0; k < 20'000; ++k) {  // 200 s: three rounds of the clock, 78 of the counter
+    if (k >= 5000 && k < 5200) continue;        // a loss
+    for (const Frame& frame : line.encode(nth(k))) line.decoder->feed(frame, recording);
+  }
+  line.decoder->finish(recording);
+  ASSERT_EQ(recording.measurements.size(), 19'800U);
+  EXPECT_EQ(recording.measurements.back().sample.counter, 19'999U);
+  EXPECT_EQ(recording.measurements.back().sample.time.ns, nth(19'999).time.ns);
+}
+
+TEST(FrameSchedule, AStreamWithoutACounterOfSamplesHasThatOfMessages) {
+  Line line = frame_line(one_message("A5 5A\nalive_counter%100:u8\nrate_x_deg_per_s:f32"));
+  Recording recording;
+  for (std::uint64_t k = 0; k < 250; ++k)
+    for (const Frame& frame : line.encode(nth(k)))
+      if (k < 150 || k > 160) line.decoder->feed(frame, recording);
+  ASSERT_EQ(recording.measurements.size(), 239U);
+  EXPECT_EQ(recording.measurements[0].fields, std::uint32_t{Measurement::counter | Measurement::rate});
+  EXPECT_EQ(recording.measurements[149].sample.counter, 149U);
+  EXPECT_EQ(recording.measurements[150].sample.counter, 161U);
+}
+
+// Damage of all kinds: a frame that is hit is lost, and only that.
+TEST(FrameSchedule, DamageLosesOnlyTheFramesHit) {
+  const std::string text = one_message(
+      "55 AA\n@a\nsample_counter:u32\nrate_x_deg_per_s:f32\nrate_y_deg_per_s:f32\nrate_z_deg_per_s:f32\n"
+      "check:crc16/xmodem:@a.. be");
+  std::mt19937_64 random(7);
+  Line line = frame_line(text);
+  std::vector<std::byte> stream;
+  std::vector<std::uint64_t> whole;
+  for (std::uint64_t k = 0; k < 2000; ++k) {
+    std::vector<std::byte> bytes = bytes_of(line, nth(k));
+    const auto damage = random() % 10;
+    if (damage == 0) bytes[random() % bytes.size()] ^= std::byte{0x10};
+    if (damage == 1) bytes.erase(bytes.begin() + static_cast<std::ptrdiff_t>(random() % bytes.size()));
+    if (damage == 2) bytes.insert(bytes.begin() + 5, {std::byte{0x55}, std::byte{0xAA}, std::byte{0x55}});
+    if (damage > 2) whole.push_back(k);
+    stream.insert(stream.end(), bytes.begin(), bytes.end());
+  }
+  Recording recording;
+  for (std::span<const std::byte> rest = stream; !rest.empty();) {
+    const std::size_t size = std::min<std::size_t>(1 + random() % 50, rest.size());
+    line.decoder->feed({rest.first(size)}, recording);
+    rest = rest.subspan(size);
+  }
+  line.decoder->finish(recording);
+  std::vector<std::uint64_t> found;
+  for (const Measurement& measurement : recording.measurements) found.push_back(measurement.sample.counter);
+  EXPECT_EQ(found, whole);
+  EXPECT_GT(line.decoder->errors().checksum, 100U);
+}
+
+}  // namespace
+}  // namespace imud
