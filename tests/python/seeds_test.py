@@ -131,7 +131,7 @@ class Seeds(RunTest):
             "bosch-mm7": ("", 4.4e-5, 6.3e-4, 990), "bosch-mm5": ("", 4.4e-5, 6.3e-4, 990),
             "canopen": (native + "device.self_start = true\n", 2.5e-4, 2e-3, 1990),
             "nos3-imu": ("device.with_requests = true\n", 2e-9, 3e-8, 2001),
-            "dbc": (native, 1.8e-4, 2.5e-3, 2001),
+            "dbc": (native, 1.8e-4, 2.5e-3, 2001), "frame": (native, 3.1e-8, 4.9e-7, 2001),
         }
         can = {"j1939", "dronecan", "sbg-can", "xsens-can", "native-can", "bosch-mm7", "bosch-mm5", "canopen", "nos3-imu",
                "dbc"}

@@ -1,0 +1,155 @@
+// Faults of descriptions: each is reported with its line, its place, and what would be right.
+#include "tests/protocols/frames/frame_unit.hpp"
+#include "tests/support/text.hpp"
+
+namespace imud {
+namespace {
+
+TEST(FrameRefusals, ElementsThatCannotBe) {
+  const std::pair<const char*, const char*> cases[] = {
+      {"AA\nrate_x_dps:f32", "there is no quantity \"rate_x_dps\"; the units of rate_x are _rad_per_s _deg_per_s"},
+      {"AA\nspecific_fore_x_g:f32", "did you mean \"specific_force_x_g\"?"},
+      {"AA\nrate_x_deg_per_s:f16", "there is no type \"f16\"; give u8, u16, u24"},
+      {"AA\nrate_x_deg_per_s:", "there is no type \"\""},
+      {"AA\nrate_x_deg_per_s:i16*0", "the LSB after * must not be 0"},
+      {"AA\nrate_x_deg_per_s:i16*1/0", "must be a finite number"},
+      {"AA\nrate_x_deg_per_s:i16*3^2", "must be one of two, such as 2^20"},
+      {"AA\nrate_x_deg_per_s:i16*0.1x", "what follows the type must be *LSB, +OFFSET"},
+      {"AA\nrate_x_deg_per_s:f32 carry", "only an integer that is rounded has a remainder to carry"},
+      {"AA\npad:4 carry", "only a field has a remainder to carry"},
+      {"AA\nsample_counter:u8*2", "a counter or a status is an integer, without LSB and offset"},
+      {"AA\nsample_counter%300:u8", "the field does not hold numbers up to the modulus"},
+      {"AA\nsample_counter%2.5:u8", "the modulus of a counter must be a whole number"},
+      {"AA\nyaw_deg%-1:u16", "the modulus after % must be a positive number"},
+      {"AA\ntime_ms:u16*0.0000001", "a clock needs an LSB of whole nanoseconds"},
+      {"AA\ntime_ms%70000:u16", "the modulus must be a whole number of LSBs that the field holds"},
+      {"AA\nnot_valid:u8", "one bit of the status is given as bits:u8:0=NAME"},
+      {"AA\nbits:u8:8=1", "give bits from 0 to 7, the lower one first"},
+      {"AA\nbits:u8:3-1=1", "give bits from 0 to 7, the lower one first"},
+      {"AA\nbits:u8:0=1,0=1", "a bit is given twice"},
+      {"AA\nbits:u8:0=2", "the constant is too large for the bits"},
+      {"AA\nbits:u8:0=gyro_saturatd", "did you mean \"gyro_saturated\"?"},
+      {"AA\nbits:u8:0-1=not_valid", "give one bit"},
+      {"AA\nbits:u8:0-7=temperature_c", "a quantity is a field"},
+      {"AA\nbits:i8:0=1", "the type must be unsigned"},
+      {"@a\nAA\nlength:u8:@b..@", "there is no label \"@b\""},
+      {"@payload\nAA\nlength:u8:@paylod..@", "did you mean \"@payload\"?"},
+      {"@a\nAA\nlength:u8:@a..", "a length ends at a label, or at @, the end of the frame"},
+      {"@a\nAA\nlength:u8:@a..@-9", "the type does not hold the length"},
+      {"@a\nAA BB\nlength:u8/2:@a..@", "the range has 3 bytes"},
+      {"@a\nAA\n_:300\nlength:u8:@a..@", "the type does not hold the length, 302"},
+      {"@a\nAA\n@b\nlength:u8:@b..@a", "begins after its end"},
+      {"@a\nAA\ncheck:crc16/xmodm:@a..", "did you mean \"crc16/xmodem\"?"},
+      {"@a\nAA\ncheck:crc16/xmodem:@a..@", "the range contains the check itself"},
+      {"@a\nAA\ncheck:crc16/xmodem:@a", "a range is @FROM..@TO"},
+      {"@a\nAA\ncheck:sum16/16:@a..", "no whole number of words of 16 bits"},
+      {"@a\nAA\ncheck:sum8:@a..:+0G", "after :+ come bytes in hexadecimal"},
+      {"@a\ncheck:sum8:@b..@\n@b\ncheck:sum8:@a..", "two checks contain one another"},
+      {"@a\n@a\nAA", "the label is given twice"},
+      {"@\nAA", "a label is @ and a name"},
+      {"\"\"", "a text is in quotes and not empty"},
+      {"AA\nfoo", "an element is hexadecimal bytes"},
+      {"A", "an element is hexadecimal bytes"},
+      {"AA\n_:0", "from 1 to 4096"},
+      {"AA\n_:4096", "the longest has 4096"},
+      {"rate_x_deg_per_s:f32", "a decoder cannot find the frame"},
+      {"bits:u8:0-3=5\nrate_x_deg_per_s:f32", "a decoder cannot find the frame"},
+  };
+  for (const auto& [elements, wanted] : cases) {
+    const std::string faults = faults_of(one_message(elements));
+    EXPECT_TRUE(contains(faults, wanted)) << elements << "\n" << faults;
+    EXPECT_TRUE(contains(faults, "test.toml:")) << faults;
+  }
+}
+
+TEST(FrameRefusals, KeysThatCannotBe) {
+  const std::string good = one_message("AA\nrate_x_deg_per_s:f32");
+  EXPECT_EQ(faults_of(good), "");
+  const std::pair<std::string, const char*> cases[] = {
+      {"name = \"x\"\n", "frame_version: missing; give 1"},
+      {"x = [", "TOML"},
+      {good + "ratehz = 5", "did you mean \"rate_hz\"?"},
+      {good + "rate_hz = 5\ndivider = 2", "give either this, or divider and phase"},
+      {good + "divider = 2\nphase = 2", "must be less than divider"},
+      {good + "divider = 0", "give 1 for every sample"},
+      {good + "byte_order = \"middle\"", "byte_order"},
+      {good + "test_frame = \"AA 0\"", "must be bytes in hexadecimal"},
+      {good + "test_frame = \"AA 00 00 00\"", "has 4 bytes, but the layout 5"},
+      {good + "test_values = {rate_x_deg_per_s = 1}", "give the test_frame that has these values"},
+      {good + "test_frame = \"AA 00 00 00 00\"\ntest_values = {rate_y_deg_per_s = 1}",
+       "the message does not carry it; its fields are rate_x_deg_per_s"},
+      {good + "test_frame = \"AA 00 00 00 00\"\ntest_values = {rate_x_dps = 1}",
+       "there is no quantity \"rate_x_dps\""},
+      {good + "test_frame = \"AA 00 00 00 00\"\ntest_values = {rate_x_deg_per_s = \"1\"}", "give a finite number"},
+      {good + "test_frame = \"AA 00 00 80 40\"\ntest_values = {rate_x_deg_per_s = 3}",
+       "differs at byte 3, in rate_x_deg_per_s (f32 le at 1): it has 00 00 80 40, test_values give 00 00 40 40, "
+       "which "
+       "mean 4 and 3"},
+      {good + "[line]\nbaud = -1", "baud"},
+      {good + "[line]\nstop_bits = 0", "give 1 or 2"},
+      {good + "[check.crc16]\nwidth = 15\npoly = 1", "give 8, 16, 24"},
+      {good + "[check.sum8]\nwidth = 8\npoly = 1", "give another name"},
+      {good + "[check.mine]\nwidth = 8\npoly = 0x100", "poly"},
+      {"frame_version = 2\nname = \"x\"\nmessage = 1", "this imud reads version 1"},
+      {"frame_version = 1\nname = \"x\"\n", "at least one [[message]]"},
+      {"frame_version = 1\nname = \"x\"\n[[message]]\nlayout = [1]", "give a list of texts"},
+      {"frame_version = 1\nname = \"x\"\n[[message]]\nlayout = []", "give a list of texts"},
+  };
+  for (const auto& [text, wanted] : cases) {
+    const std::string faults = faults_of(text);
+    EXPECT_TRUE(contains(faults, wanted)) << text << "\n" << faults;
+  }
+}
+
+TEST(FrameRefusals, AllFaultsAreReportedTogether) {
+  EXPECT_EQ(
+      faults_of(one_message("AA\nrate_q_deg_per_s:f32\nfoo\nrate_x_deg_per_s:f33")),
+      "test.toml:8: message \"m\": \"rate_q_deg_per_s:f32\": there is no quantity \"rate_q_deg_per_s\"; did you "
+      "mean \"rate_z_deg_per_s\"?\n"
+      "test.toml:9: message \"m\": \"foo\": an element is hexadecimal bytes, a '\"text\"', a @label, or "
+      "NAME:TYPE, such as rate_x_deg_per_s:i16*0.01\n"
+      "test.toml:10: message \"m\": \"rate_x_deg_per_s:f33\": there is no type \"f33\"; give u8, u16, u24, u32, "
+      "u64, i8, i16, i24, i32, i64, f32 or f64");
+}
+
+// Any change of a shipped description is read, or refused with a text, and what is read can be sent and decoded.
+TEST(FrameRefusals, NoTextIsHarmful) {
+  std::mt19937_64 random(11);
+  constexpr std::string_view alphabet = "@:.*+-%/^=!,_\"' 0123456789ABCDEFabcdefghiklmnoprstuvwxyz[]{}\n";
+  std::size_t accepted = 0;
+  for (int i = 0; i < 6000; ++i) {
+    const ShippedFrames& shipped = shipped_frames()[random() % shipped_frames().size()];
+    std::string text(shipped.text);
+    for (std::size_t n = 1 + random() % 3; n > 0; --n) {
+      const std::size_t at = random() % text.size();
+      switch (random() % 4) {
+        case 0:
+          text.erase(at, 1 + random() % 8);
+          break;
+        case 1:
+          text.insert(at, 1, alphabet[random() % alphabet.size()]);
+          break;
+        case 2:
+          text.insert(at, text.substr(random() % text.size(), random() % 12));
+          break;
+        default:
+          text[at] = alphabet[random() % alphabet.size()];
+      }
+      if (text.empty()) text = " ";
+    }
+    try {
+      Line line = frame_line(text);
+      Recording recording;
+      for (const Frame& frame : line.encode({})) line.decoder->feed(frame, recording);
+      line.decoder->feed({random_bytes(300, random)}, recording);
+      line.decoder->finish(recording);
+      ++accepted;
+    } catch (const ConfigError& error) {
+      ASSERT_FALSE(error.faults.empty());
+    }
+  }
+  EXPECT_GT(accepted, 100U);  // changes of comments, names and test frames' blanks
+}
+
+}  // namespace
+}  // namespace imud

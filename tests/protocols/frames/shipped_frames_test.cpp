@@ -1,0 +1,96 @@
+// The shipped descriptions: each has a test frame from outside, and is decoded after any damage.
+#include <filesystem>
+#include <set>
+
+#include "core/units.hpp"
+#include "tests/protocols/frames/frame_unit.hpp"
+
+namespace imud {
+namespace {
+
+Sample typical() {
+  Sample sample;
+  sample.time.ns = 12'000'000'000;
+  sample.counter = 100;
+  sample.rate = Vector3(0.1, -0.2, 0.3);
+  sample.specific_force = Vector3(0.5, -0.25, -9.8);
+  sample.delta_angle = 0.01 * sample.rate;
+  sample.delta_velocity = 0.01 * sample.specific_force;
+  sample.magnetic_field = Vector3(2e-5, 1e-6, 4e-5);
+  sample.pressure = 101325;
+  sample.navigation = {.is_known = true, .gps_ns = 1'440'000'001'000'000'000, .latitude = 0.8, .longitude = 0.1};
+  return sample;
+}
+
+TEST(ShippedFrames, HaveATestFrame) {
+  std::set<std::string> names, files;
+  for (const ShippedFrames& shipped : shipped_frames()) {
+    SCOPED_TRACE(shipped.name);
+    names.emplace(shipped.name);
+    const auto description = read_frames(std::string(shipped.name));
+    EXPECT_FALSE(description->document.empty());
+    EXPECT_TRUE(std::ranges::any_of(description->messages,
+                                    [](const FrameDescription::Message& m) { return m.test_frame.has_value(); }));
+  }
+  for (const auto& file : std::filesystem::directory_iterator(IMUD_SOURCE_DIR "/protocols/frames"))
+    if (file.path().extension() == ".toml") files.insert(file.path().stem());
+  EXPECT_EQ(names, files);
+  EXPECT_GE(names.size(), 12U);
+}
+
+TEST(ShippedFrames, AreDecodedWithinAnLsb) {
+  for (const ShippedFrames& shipped : shipped_frames()) {
+    SCOPED_TRACE(shipped.name);
+    Line line(protocol_named("frame"), frame_settings(read_frames(std::string(shipped.name))));
+    Recording recording;
+    Sample sample = typical();
+    for (int k = 0; k < 20; ++k) {
+      for (const Frame& frame : line.encode(sample)) line.decoder->feed(frame, recording);
+      ++sample.counter;
+      sample.time = sample.time + std::chrono::milliseconds(10);
+    }
+    line.decoder->finish(recording);
+    ASSERT_EQ(recording.measurements.size(), 20U);
+    const DecodeErrors& errors = line.decoder->errors();
+    EXPECT_EQ(errors.checksum + errors.malformed + errors.incomplete + errors.skipped_bytes, 0U);
+    for (const Measurement& measurement : recording.measurements) {
+      if ((measurement.fields & Measurement::rate) != 0) {
+        EXPECT_TRUE(measurement.sample.rate.isApprox(sample.rate, 1e-3)) << measurement.sample.rate.transpose();
+      } else {
+        EXPECT_EQ(shipped.name, "bno08x-rvc");
+      }
+      EXPECT_NE(measurement.fields & Measurement::specific_force, 0U);
+      EXPECT_LE((measurement.sample.specific_force - sample.specific_force).norm(), 0.01);
+    }
+  }
+}
+
+// Each bit of a frame in error, between good frames: no wrong number, and the good frames are found.
+TEST(ShippedFrames, RefuseEveryBitInError) {
+  for (const ShippedFrames& shipped : shipped_frames()) {
+    SCOPED_TRACE(shipped.name);
+    Line line(protocol_named("frame"), frame_settings(read_frames(std::string(shipped.name))));
+    const std::vector<std::byte> good = bytes_of(line, typical());
+    for (std::size_t bit = 0; bit < 8 * good.size(); ++bit) {
+      std::vector<std::byte> stream = good;
+      stream[bit / 8] ^= static_cast<std::byte>(1U << bit % 8);
+      stream.insert(stream.end(), good.begin(), good.end());
+      stream.insert(stream.end(), good.begin(), good.end());
+      Line other(protocol_named("frame"), frame_settings(read_frames(std::string(shipped.name))));
+      Recording recording;
+      other.decoder->feed({stream}, recording);
+      other.decoder->finish(recording);
+      // A message that not every sample has does not count.
+      ASSERT_GE(recording.measurements.size(), 2U) << "bit " << bit;
+      ASSERT_LE(recording.measurements.size(), shipped.name == "sensaition-ins" ? 3U : 2U) << "bit " << bit;
+      for (const Measurement& measurement : recording.measurements)
+        ASSERT_LE((measurement.sample.specific_force - typical().specific_force).norm(), 0.01) << "bit " << bit;
+      const DecodeErrors& errors = other.decoder->errors();
+      EXPECT_GT(errors.skipped_bytes, 0U) << "bit " << bit;
+      EXPECT_EQ(errors.malformed, 0U) << "bit " << bit;
+    }
+  }
+}
+
+}  // namespace
+}  // namespace imud
