@@ -80,6 +80,25 @@ TEST(ImuDecodeFrame, DecodesARunByItsDescription) {
   EXPECT_EQ(count, 201U);
 }
 
+// The file gives the bit rate of the line, unless the configuration does.
+TEST(ImuDecodeFrame, ALineCarriesWhatIsDescribed) {
+  const ScratchFolder folder;
+  write(folder / "imud.toml",
+        "[truth]\nport = \"udp:127.0.0.1:0\"\n[[imu]]\nprotocol = \"frame\"\nrate_hz = 100\nport = \"pty:imu\"\n"
+        "device.frame_file = \"hipnuc\"\ngyro.max_rad_per_s = 10\naccelerometer.max_m_per_s2 = 100\n");
+  const auto check = [&](const std::string& setting) {
+    return run_program("imud", {"check", folder / "imud.toml", "--set", setting});
+  };
+  EXPECT_TRUE(contains(check("seed=1").output, "71.2 % of the line's 115200 bit/s"));
+  EXPECT_TRUE(contains(check("imu.0.device.baud=230400").output, "35.6 % of the line's 230400 bit/s"));
+  EXPECT_TRUE(contains(check("imu.0.rate_hz=200").errors, "142.4 % of the line's 115200 bit/s"));
+  EXPECT_TRUE(contains(check("imu.0.device.frame_file=hipnuk").errors, "did you mean \"hipnuc\"?"));
+  write(folder / "slow.toml",
+        "frame_version = 1\nname = \"x\"\n[[message]]\nrate_hz = 150\nlayout = [\"AA\", \"rate_x_deg_per_s:f32\"]\n");
+  EXPECT_TRUE(contains(check("imu.0.device.frame_file=" + (folder / "slow.toml")).errors,
+                       "slow.toml: line 3: message \"1\": rate_hz is 150, but with rate_hz = 100"));
+}
+
 TEST(ImuDecodeFrame, ReportsEveryFaultOfADescription) {
   const ScratchFolder folder;
   write(folder / "mine.toml",
