@@ -8,6 +8,7 @@
 namespace imud {
 
 Settings settings_as_delivered(const ImuConfig& imu) {
+  if (imu.settings.frames() != nullptr) return imu.settings;
   Settings settings(imu.protocol->settings);
   try {
     static_cast<void>(imu.protocol->make(settings));

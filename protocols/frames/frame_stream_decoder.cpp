@@ -79,11 +79,12 @@ void FrameStreamDecoder::end(MeasurementSink& sink) {
 
 bool FrameStreamDecoder::accept(std::size_t index, std::span<const std::byte> frame, MeasurementSink& sink) {
   const FrameLayout& layout = known_[index].message.layout;
-  ReadBack read;
+  const bool begins_sample = index < next_;
+  ReadBack read = begins_sample ? ReadBack() : set_;
   const auto decoded = layout.decode(frame, read);
   if (!decoded) return false;
-  if (index < next_) end(sink);
-  static_cast<void>(layout.decode(frame, set_));
+  if (begins_sample) end(sink);
+  set_ = read;
   next_ = index + 1;
   found_ += known_[index].is_needed;
   Sample& sample = set_.measurement.sample;

@@ -45,7 +45,9 @@ TEST(ImuDecodeFrame, DecodesARunByItsDescription) {
          << "accumulated_dv = \"none\"\n"
          << "[[imu]]\nname = \"imu1\"\nprotocol = \"frame\"\nrate_hz = 100\nmodel = \"ideal\"\n"
          << "port = \"file:" << (folder / "out.bin") << "\"\ndevice.frame_file = \"" << (folder / "mine.toml")
-         << "\"\ngyro.max_rad_per_s = 10\naccelerometer.max_m_per_s2 = 100\n";
+         << "\"\ngyro.max_rad_per_s = 10\naccelerometer.max_m_per_s2 = 100\n"
+         // Settings that are lost are those of the host: the description stays.
+         << "[[fault]]\nimu = \"imu1\"\ntarget = \"power\"\nkind = \"settings_lost\"\nat_s = 0.5\n";
   write(folder / "imud.toml", config.str());
   const auto checked = run_program("imud", {"check", folder / "imud.toml"});
   EXPECT_EQ(checked.exit_code, 0) << checked.errors;
@@ -53,8 +55,8 @@ TEST(ImuDecodeFrame, DecodesARunByItsDescription) {
   EXPECT_TRUE(contains(checked.output, "     7  i24 le    1e-04  deg_per_s  rate_x\n")) << checked.output;
   const auto run = run_program("imud", {"run", folder / "imud.toml"});
   EXPECT_EQ(run.exit_code, 0) << run.errors;
-  const auto decoded = run_program("imu-decode", {"frame", "file:" + (folder / "out.bin"), "--set",
-                                                  "frame_file=" + (folder / "mine.toml"), "--require", "gaps=0"});
+  const auto decoded = run_program("imu-decode", {"frame", "file:" + (folder / "out.bin"), "--frame-file",
+                                                  folder / "mine.toml", "--require", "gaps=0"});
   EXPECT_EQ(decoded.exit_code, 0) << decoded.errors;
   EXPECT_TRUE(contains(decoded.errors, "rate       100.000 Hz (device clock)\n")) << decoded.errors;
   EXPECT_TRUE(contains(decoded.errors, "checksum   0 failures, 0 malformed, 0 incomplete, 0 bytes skipped\n"))

@@ -28,6 +28,10 @@ void add_input_options(CLI::App& app, DecodeOptions& options) {
   add(app, "PORT", options.port, "", "port to receive from, see below; - is standard input")->required();
   add(app, "--set", options.settings, "KEY=VALUE", "a setting of the protocol; may be repeated")
       ->allow_extra_args(false);
+  app.add_option_function<std::string>(
+         "--frame-file", [&options](const std::string& file) { options.settings.push_back("frame_file=" + file); },
+         "protocol frame: the file that describes the frames, or the name of a shipped description")
+      ->type_name("FILE");
   add(app, "--for", options.for_s, "SECONDS", "ends after this time of the host's clock")
       ->check(number_check(0, 1e9));
   add(app, "--count", options.count, "N", "ends after this number of samples")->check(number_check(1, 1e18));

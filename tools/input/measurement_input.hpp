@@ -28,7 +28,7 @@ struct DecodeOptions {
   void resolve_port();
 };
 
-// Adds PORT, --set, --for and --count, which every program that decodes has, to a command line.
+// Adds PORT, --set, --frame-file, --for and --count, which every program that decodes has, to a command line.
 void add_input_options(CLI::App& app, DecodeOptions& options);
 
 // Return lists of the choices, for the help of a command line.
