@@ -4,6 +4,7 @@
 
 #include "core/units.hpp"
 #include "tests/protocols/frames/frame_unit.hpp"
+#include "tests/support/allocations.hpp"
 
 namespace imud {
 namespace {
@@ -62,6 +63,23 @@ TEST(ShippedFrames, AreDecodedWithinAnLsb) {
       EXPECT_NE(measurement.fields & Measurement::specific_force, 0U);
       EXPECT_LE((measurement.sample.specific_force - sample.specific_force).norm(), 0.01);
     }
+  }
+}
+
+TEST(ShippedFrames, AllocateNothingOnceMade) {
+  for (const ShippedFrames& shipped : shipped_frames()) {
+    SCOPED_TRACE(shipped.name);
+    Line line(protocol_named("frame"), frame_settings(read_frames(std::string(shipped.name))));
+    Recording recording(1000);
+    Sample sample = typical();
+    const std::uint64_t before = allocations();
+    for (int k = 0; k < 500; ++k) {
+      for (const Frame& frame : line.encode(sample)) line.decoder->feed(frame, recording);
+      ++sample.counter;
+      sample.time = sample.time + std::chrono::milliseconds(10);
+    }
+    line.device->power_on(sample.time);
+    EXPECT_EQ(allocations() - before, 0U);
   }
 }
 
