@@ -274,21 +274,25 @@ void parse(FrameElement& element, std::string_view text, bool is_big, std::span<
     element.bytes = *bytes;
     return;
   }
+  int orders = 0;
   for (;; text = without_blanks(text)) {
-    if (remove_suffix(text, " be"))
-      is_big = true;
-    else if (remove_suffix(text, " le"))
-      is_big = false;
-    else if (remove_suffix(text, " carry"))
+    const bool is_be = remove_suffix(text, " be");
+    if (is_be || remove_suffix(text, " le")) {
+      is_big = is_be;
+      ++orders;
+    } else if (remove_suffix(text, " carry")) {
       element.has_carry = true;
-    else
+    } else {
       break;
+    }
   }
   const std::size_t colon = text.find(':');
   if (colon == text.npos)
     refuse_element(
         "an element is hexadecimal bytes, a '\"text\"', a @label, or NAME:TYPE, such as rate_x_deg_per_s:i16*0.01");
   const std::string_view word = text.substr(0, colon), rest = text.substr(colon + 1);
+  if (orders > 1) refuse_element("give one byte order, \" be\" or \" le\"");
+  if (orders > 0 && (word == "pad" || word == "_")) refuse_element("bytes that are 0 have no byte order");
   if (element.has_carry && (word == "bits" || word == "length" || word == "check" || word == "pad" || word == "_"))
     refuse_element("only a field has a remainder to carry");
   if (word == "_") {

@@ -16,6 +16,8 @@ TEST(FrameRefusals, ElementsThatCannotBe) {
       {"AA\nrate_x_deg_per_s:i16*3^2", "must be one of two, such as 2^20"},
       {"AA\nrate_x_deg_per_s:i16*0.1x", "what follows the type must be *LSB, +OFFSET"},
       {"AA\nrate_x_deg_per_s:f32 carry", "only an integer that is rounded has a remainder to carry"},
+      {"AA\nrate_x_deg_per_s:i16 be le", "give one byte order"},
+      {"AA\n_:4 be", "bytes that are 0 have no byte order"},
       {"AA\npad:4 carry", "only a field has a remainder to carry"},
       {"AA\nsample_counter:u8*2", "a counter or a status is an integer, without LSB and offset"},
       {"AA\nsample_counter%300:u8", "the field does not hold numbers up to the modulus"},
