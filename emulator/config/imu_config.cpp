@@ -213,11 +213,14 @@ void set_device_filter(TableReader table, const SensorFilter& filter, TriadError
   errors.filter = filter;
 }
 
-// Returns true if a preset's bandwidth is within half of the sample rate. Decimation to a lower rate aliases noise:
-// then the samples do not have the density of the data sheet, which a user of the preset expects by default.
+// Returns true if a preset's bandwidth is within half of the sample rate. The bandwidth of sensors without a filter
+// is half of the internal rate. Decimation to a lower rate aliases noise: then the samples do not have the density of
+// the data sheet, which a user of the preset expects by default.
 bool is_within(const PresetErrors& errors, double rate_hz) {
-  return std::max(errors.gyro.filter.cut_off_hz.maxCoeff(), errors.accelerometer.filter.cut_off_hz.maxCoeff()) <=
-         0.5 * rate_hz;
+  const auto bandwidth_hz = [&](const TriadErrors& triad) {
+    return triad.filter.is_on() ? triad.filter.cut_off_hz.maxCoeff() : 0.5 * errors.internal_rate_hz;
+  };
+  return std::max(bandwidth_hz(errors.gyro), bandwidth_hz(errors.accelerometer)) <= 0.5 * rate_hz;
 }
 
 // Takes the filters away, and leaves the noise and the digits of a sensor whose samples do not alias.

@@ -107,6 +107,9 @@ TEST_F(FilterConfig, APresetHasItsBandwidth) {
   EXPECT_EQ(aliased.model.internal_samples, 4);
   EXPECT_EQ(aliased.model.accelerometer.filter.cut_off_hz, Vector3::Constant(262));
   EXPECT_EQ(imu("native", {"model=\"icm-42688-p\""}).model.internal_samples, 1);
+  // Without a filter, each internal sample would have noise of the whole internal rate.
+  EXPECT_EQ(imu("native", {"model=\"adis16488a\""}).model.internal_samples, 1);
+  EXPECT_EQ(imu("native", {"model=\"mpu-9250\"", "rate_hz=500"}).model.internal_samples, 1);
   // At a higher rate the sensor has no internal samples.
   EXPECT_EQ(imu("native", {"model=\"stim300\"", "rate_hz=5000"}).model.internal_samples, 1);
   EXPECT_NE(fault({"model=\"stim300\"", "internal_rate_hz=400"}).find("imu.0.gyro.low_pass_hz: give less than 180"),
