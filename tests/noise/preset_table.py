@@ -5,8 +5,7 @@ Nothing here is of imud's code: the figures are read from the presets, the array
 8 seeds of three axes. N is fitted, with the Q of the digits, to the mean Allan variances at 0.08 s to 0.8 s less the share of the flicker, which
 has correlation times from 0.32 s on. The minimum is
 the lowest of the root mean Allan variances at the averaging times of octaves from 1 s to 1024 s, or to 8192 s where the preset's flicker
-is flat to 10000 s; its standard error is about 2 %. Exit code 1: N is not within 5 %, or a minimum not within 10 %, of the preset; but for N of values whose digits hide it, with
-a *.
+is flat to 10000 s; its standard error is about 2 %. Exit code 1: N is not within 5 %, or a minimum not within 10 %, of the preset; but for N that digits hide, with a *.
 """
 import subprocess
 import sys
@@ -44,10 +43,10 @@ def stated(triad, *stems):
 
 
 def is_hidden(triad, N):
-    """Whether the digits of the values are more than twice as coarse as their noise at HZ: then N is that of the increments alone."""
+    """Whether the digits of the values are coarser than their noise at HZ: then N is not that of the noise alone."""
     units = {"lsb_rad_per_s": 1, "lsb_deg_per_s": DEG, "lsb_m_per_s2": 1, "lsb_g": G0}
     lsb = sum(value * units[key] for key, value in triad.items() if key in units)
-    return lsb > 2 * N * HZ**0.5
+    return lsb > N * HZ**0.5
 
 
 def seed_of(imud, preset, seed, hours, folder):
@@ -103,9 +102,11 @@ def main():
                 low.append(np.sqrt(variances[len(SHORT):len(SHORT) + last].min()) / minimum if minimum else 1)
             (n_unit, n_name), (b_unit, b_name) = DATASHEET[sensor]
             hidden = is_hidden(imu[sensor], N)
-            good = good and all(abs(x - 1) <= 0.05 for x in n[hidden:]) and all(abs(x - 1) <= 0.1 for x in low)
+            # Increments without digits of their own have the digits of the values.
+            both = hidden and not any(key.startswith("lsb_delta") for key in imu[sensor])
+            good = good and all(abs(x - 1) <= 0.05 for x in n[hidden + both:]) and all(abs(x - 1) <= 0.1 for x in low)
             text = f"{minimum / b_unit:.3g} {b_name} | {low[0]:.3f} | {low[1]:.3f}" if minimum else "- | - | -"
-            print(f"| `{path.stem}` | {sensor} | {N / n_unit:.3g} {n_name} | {n[0]:.3f}{'*' * hidden} | {n[1]:.3f} | {text} |", flush=True)
+            print(f"| `{path.stem}` | {sensor} | {N / n_unit:.3g} {n_name} | {n[0]:.3f}{'*' * hidden} | {n[1]:.3f}{'*' * both} | {text} |", flush=True)
     return 0 if good else 1
 
 
