@@ -3,36 +3,21 @@
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
+#include <tuple>
 
 #include "core/numbers/nearest.hpp"
+#include "protocols/frames/frame_parts.hpp"
+#include "protocols/quantities/columns.hpp"
 #include "protocols/wire/number_text.hpp"
 
 namespace imud {
 namespace {
-
-std::string quoted(std::string_view text) { return "\"" + std::string(text) + "\""; }
 
 // Removes `suffix` from the text, if it ends with it.
 bool remove_suffix(std::string_view& text, std::string_view suffix) noexcept {
   if (!text.ends_with(suffix)) return false;
   text.remove_suffix(suffix.size());
   return true;
-}
-
-std::string_view without_blanks(std::string_view text) noexcept {
-  const std::size_t first = text.find_first_not_of(" \t");
-  if (first == text.npos) return {};
-  return text.substr(first, text.find_last_not_of(" \t") - first + 1);
-}
-
-// Calls `take` with each part of the text between separators.
-template <class Take>
-void each_part(std::string_view text, char separator, Take take) {
-  for (std::size_t begin = 0; begin <= text.size();) {
-    const std::size_t end = std::min(text.find(separator, begin), text.size());
-    take(text.substr(begin, end - begin));
-    begin = end + 1;
-  }
 }
 
 FrameNumber number_type(std::string_view name, bool is_big) {
@@ -54,60 +39,6 @@ FrameNumber unsigned_type(std::string_view name, bool is_big) {
   return type;
 }
 
-// Reads a number, a fraction such as 600/2^20, or a power of two from the beginning of the text, and removes it.
-double take_fraction(std::string_view& text, std::string_view what) {
-  const auto take = [&] {
-    double value = 0;
-    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-    if (error != std::errc{})
-      refuse_element("the " + std::string(what) + " must be a number, such as 0.01, 1/62500 or 600/2^20");
-    text.remove_prefix(static_cast<std::size_t>(end - text.data()));
-    if (!text.starts_with('^')) return value;
-    text.remove_prefix(1);
-    int exponent = 0;
-    const auto [last, fault] = std::from_chars(text.data(), text.data() + text.size(), exponent);
-    if (fault != std::errc{} || value != 2 || std::abs(exponent) > 1000)
-      refuse_element("a power in the " + std::string(what) + " must be one of two, such as 2^20 or 2^-16");
-    text.remove_prefix(static_cast<std::size_t>(last - text.data()));
-    return std::ldexp(1.0, exponent);
-  };
-  double value = take();
-  if (text.starts_with('/')) {
-    text.remove_prefix(1);
-    value /= take();
-  }
-  if (!std::isfinite(value)) refuse_element("the " + std::string(what) + " must be a finite number");
-  return value;
-}
-
-// Reads NAME or NAME%MODULUS.
-FrameSource source_in(std::string_view text) {
-  const std::size_t percent = text.find('%');
-  const std::string_view name = text.substr(0, percent);
-  auto source = find_frame_source(name);
-  if (!source) refuse_element(unknown_frame_source(name));
-  if (percent == text.npos) return *source;
-  const auto modulus = number_in<double>(text.substr(percent + 1));
-  if (!modulus || !std::isfinite(*modulus) || *modulus <= 0)
-    refuse_element("the modulus after % must be a positive number, as in yaw_deg%360");
-  if (source->kind == FrameSource::Kind::status) refuse_element("a bit of the status has no modulus");
-  source->modulus = *modulus;
-  return *source;
-}
-
-// A counter or a status, whose low bits are sent, has whole moduli and no LSB.
-bool is_counting(const FrameSource& source) {
-  return source.kind == FrameSource::Kind::alive_counter ||
-         (source.kind == FrameSource::Kind::quantity &&
-          (source.in.quantity->kind == MeasuredQuantity::Kind::counter ||
-           source.in.quantity->kind == MeasuredQuantity::Kind::status));
-}
-
-void check_modulus(const FrameSource& source) {
-  if (is_counting(source) && (source.modulus != std::floor(source.modulus) || source.modulus > 0x1p53))
-    refuse_element("the modulus of a counter must be a whole number");
-}
-
 void parse_field(FrameElement& element, std::string_view text, std::size_t colon, bool is_big) {
   element.kind = FrameElement::Kind::field;
   element.source = source_in(text.substr(0, colon));
@@ -115,16 +46,7 @@ void parse_field(FrameElement& element, std::string_view text, std::size_t colon
   const std::size_t end = rest.find_first_of("*+-");
   element.number = number_type(rest.substr(0, end), is_big);
   rest.remove_prefix(std::min(end, rest.size()));
-  if (rest.starts_with('*')) {
-    rest.remove_prefix(1);
-    element.lsb = take_fraction(rest, "LSB after *");
-    if (element.lsb == 0) refuse_element("the LSB after * must not be 0");
-  }
-  if (rest.starts_with('+') || rest.starts_with('-')) {
-    const double sign = rest.front() == '-' ? -1 : 1;
-    rest.remove_prefix(1);
-    element.offset = sign * take_fraction(rest, "offset");
-  }
+  std::tie(element.lsb, element.offset) = take_scale(rest);
   if (!rest.empty())
     refuse_element("what follows the type must be *LSB, +OFFSET, \" be\", \" le\" or \" carry\", not " +
                    quoted(rest));
@@ -146,7 +68,7 @@ void parse_bits(FrameElement& element, std::string_view text, bool is_big) {
   const unsigned width = static_cast<unsigned>(8 * element.number.bytes);
   std::uint64_t used = 0;
   each_part(text.substr(colon + 1), ',', [&](std::string_view part) {
-    part = without_blanks(part);
+    part = trim(part);
     const std::size_t equals = part.find('=');
     if (equals == part.npos) refuse_element(quoted(part) + ": give BIT=SOURCE or FIRST-LAST=SOURCE");
     FrameElement::BitField field;
@@ -180,27 +102,6 @@ void parse_bits(FrameElement& element, std::string_view text, bool is_big) {
   });
 }
 
-// Reads "@FROM..", "@FROM..@TO" or "@FROM..@".
-FrameElement::Range range_in(std::string_view text) {
-  const std::size_t dots = text.find("..");
-  const auto label = [&](std::string_view name) {
-    if (!name.starts_with('@'))
-      refuse_element(quoted(text) + ": a range is @FROM..@TO, of labels, or @FROM..@ up to the end");
-    return std::string(name.substr(1));
-  };
-  if (dots == text.npos)
-    refuse_element(quoted(text) + ": a range is @FROM..@TO, of labels, or @FROM..@ up to the end");
-  FrameElement::Range range;
-  range.from = label(text.substr(0, dots));
-  const std::string_view to = text.substr(dots + 2);
-  if (!to.empty()) {
-    range.to = label(to);
-    range.is_to_end = range.to.empty();
-  }
-  if (range.from.empty()) refuse_element(quoted(text) + ": give the label at which the range begins");
-  return range;
-}
-
 void parse_length(FrameElement& element, std::string_view text, bool is_big) {
   element.kind = FrameElement::Kind::length;
   const std::size_t colon = text.find(':');
@@ -232,12 +133,7 @@ void parse_check(FrameElement& element, std::string_view text, bool is_big,
   const std::size_t colon = text.find(':');
   if (colon == text.npos) refuse_element("a check is given as check:crc16/xmodem:@FROM..@TO");
   const std::string_view name = text.substr(0, colon);
-  element.check = FrameCheck::find(name, own);
-  if (!element.check) {
-    const std::string meant = nearest(name, FrameCheck::names(own));
-    refuse_element("there is no check " + quoted(name) + "; " +
-                   (meant.empty() ? "protocols/frames/README.md lists them" : "did you mean " + quoted(meant) + "?"));
-  }
+  element.check = check_named(name, own);
   element.number = {FrameNumber::Format::unsigned_integer, element.check->size(), is_big};
   std::string_view ranges = text.substr(colon + 1);
   if (const std::size_t extra = ranges.find(":+"); extra != ranges.npos) {
@@ -246,7 +142,7 @@ void parse_check(FrameElement& element, std::string_view text, bool is_big,
     element.bytes = *bytes;
     ranges = ranges.substr(0, extra);
   }
-  each_part(ranges, ',', [&](std::string_view part) { element.ranges.push_back(range_in(without_blanks(part))); });
+  each_part(ranges, ',', [&](std::string_view part) { element.ranges.push_back(range_in(trim(part))); });
 }
 
 std::size_t count_in(std::string_view text, const char* what) {
@@ -259,10 +155,7 @@ std::size_t count_in(std::string_view text, const char* what) {
 void parse(FrameElement& element, std::string_view text, bool is_big, std::span<const FrameDescription::Check> own) {
   if (text.starts_with('@')) {
     element.kind = FrameElement::Kind::label;
-    element.label = text.substr(1);
-    constexpr std::string_view letters = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_";
-    if (element.label.empty() || element.label.find_first_not_of(letters) != std::string::npos)
-      refuse_element("a label is @ and a name of letters, digits and underscores");
+    element.label = label_in(text);
     return;
   }
   if (text.starts_with('"')) {
@@ -275,7 +168,7 @@ void parse(FrameElement& element, std::string_view text, bool is_big, std::span<
     return;
   }
   int orders = 0;
-  for (;; text = without_blanks(text)) {
+  for (;; text = trim(text)) {
     const bool is_be = remove_suffix(text, " be");
     if (is_be || remove_suffix(text, " le")) {
       is_big = is_be;
@@ -321,7 +214,7 @@ FrameElement parse_frame_element(std::string_view text, bool is_big, std::span<c
   element.text = text;
   if (text.size() > FrameDescription::longest_element)
     refuse_element("an element has at most " + std::to_string(FrameDescription::longest_element) + " characters");
-  parse(element, without_blanks(text), is_big, own);
+  parse(element, trim(text), is_big, own);
   return element;
 }
 
