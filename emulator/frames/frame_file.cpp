@@ -14,6 +14,7 @@
 #include "emulator/ground/table_reader.hpp"
 #include "emulator/plan/config.hpp"
 #include "protocols/frames/frame_device.hpp"
+#include "protocols/frames/frame_layout.hpp"
 
 namespace imud {
 namespace {

@@ -3,6 +3,8 @@
 //
 // [imu.device]
 // frame_file = "my.toml"
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cstdio>
 #include <stdexcept>
@@ -88,11 +90,12 @@ std::vector<std::string> layout_of(const Settings& settings) {
   const FrameDescription description = description_of(settings);
   std::vector<std::string> lines;
   for (const FrameMessage& message : frame_messages(description)) {
-    lines.push_back(description.name + ", message \"" + message.name +
-                    "\": " + std::to_string(message.layout.size()) + " bytes, " + when(message));
-    const std::vector<FrameLayout::Row>& rows = message.layout.rows();
+    const bool varies = std::ranges::any_of(message.layout->rows(), [](const auto& row) { return row.size == 0; });
+    lines.push_back(fmt::format("{}, message \"{}\": {}{} bytes, {}", description.name, message.name,
+                                varies ? "at most " : "", message.layout->longest(), when(message)));
+    const std::vector<MessageLayout::Row>& rows = message.layout->rows();
     std::size_t type = 4, lsb = 3, unit = 4;
-    for (const FrameLayout::Row& row : rows) {
+    for (const MessageLayout::Row& row : rows) {
       type = std::max(type, row.type.size());
       lsb = std::max(lsb, row.lsb.size());
       unit = std::max(unit, row.unit.size());
@@ -101,15 +104,12 @@ std::vector<std::string> layout_of(const Settings& settings) {
       text.resize(std::max(width, text.size()), ' ');
       return text;
     };
-    const auto add = [&](const std::string& offset, const FrameLayout::Row& row) {
+    const auto add = [&](const std::string& offset, const MessageLayout::Row& row) {
       lines.push_back(padded(offset, 6) + "  " + padded(row.type, type) + "  " + padded(row.lsb, lsb) + "  " +
                       padded(row.unit, unit) + "  " + row.name);
     };
-    add("offset", {0, 0, "type", "LSB", "unit", "name"});
-    for (const FrameLayout::Row& row : rows)
-      add(std::string(6 - std::min<std::size_t>(6, std::to_string(row.offset).size()), ' ') +
-              std::to_string(row.offset),
-          row);
+    add("offset", {{}, 0, "type", "LSB", "unit", "name"});
+    for (const MessageLayout::Row& row : rows) add(row.offset ? fmt::format("{:6}", *row.offset) : "", row);
   }
   return lines;
 }

@@ -36,13 +36,7 @@ class FrameLayout::Compiler {
   void set_counting(Field& field, const FrameSource& source) const;
   FrameCheck::Range range(const FrameElement::Range& range, std::size_t own) const;
   std::size_t place_of(const std::string& label) const;
-  // The values of a test frame.
-  struct Given {
-    Sample sample;
-    std::uint64_t count = 0;      // of the message
-    std::vector<double> numbers;  // of the fields, SI
-  };
-  void give(const FrameDescription::Value& value, Given& given) const;
+  void give(const FrameDescription::Value& value, FrameTestValues& given) const;
   std::string difference(std::span<const std::byte> got, std::span<const std::byte> wanted) const;
   void constant(std::size_t offset, std::span<const std::byte> bytes);
 
@@ -58,8 +52,5 @@ class FrameLayout::Compiler {
   std::map<std::string, std::size_t> labels_;
   std::vector<FrameFault> faults_;
 };
-
-// Returns the fault's place: the message and a key or element of it.
-std::string where_in(const FrameDescription::Message& message, const std::string& key);
 
 }  // namespace imud

@@ -65,6 +65,9 @@ struct FrameFault {
   std::string what;
 };
 
+// Returns the fault's place: the message and a key or element of it.
+std::string where_in(const FrameDescription::Message& message, const std::string& key);
+
 // All faults of a description; the text has the first.
 struct FrameFaults : std::invalid_argument {
   FrameFaults(std::string_view file, std::vector<FrameFault> all);

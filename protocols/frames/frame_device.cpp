@@ -4,12 +4,18 @@
 #include <stdexcept>
 
 #include "core/attitude.hpp"
+#include "protocols/frames/frame_layout.hpp"
 
 namespace imud {
 namespace {
 
 // Sample times are rounded to ns, so that a sample at the begin of a period may seem to precede it.
 constexpr Nanoseconds tolerance{1000};
+
+std::shared_ptr<const MessageLayout> layout_of(const FrameDescription& description,
+                                               const FrameDescription::Message& message) {
+  return std::make_shared<FrameLayout>(description, message);
+}
 
 }  // namespace
 
@@ -20,8 +26,8 @@ std::vector<FrameMessage> frame_messages(const FrameDescription& description) {
   for (const FrameDescription::Message& message : description.messages) try {
       messages.push_back({message.name, message.line,
                           message.rate_hz > 0 ? nanoseconds(1 / message.rate_hz) : Nanoseconds{}, message.divider,
-                          message.phase, FrameLayout(description, message)});
-      bytes += messages.back().layout.size();
+                          message.phase, layout_of(description, message)});
+      bytes += messages.back().layout->longest();
     } catch (const FrameFaults& error) {
       faults.insert(faults.end(), error.faults.begin(), error.faults.end());
     }
@@ -38,7 +44,7 @@ std::vector<FrameMessage> frame_messages(const FrameDescription& description) {
 FrameDevice::FrameDevice(std::vector<FrameMessage> messages, const UartSettings& uart) : uart_(uart) {
   for (FrameMessage& message : messages) {
     scheduled_.push_back({.message = std::move(message)});
-    scheduled_.back().carried.resize(scheduled_.back().message.layout.carries());
+    scheduled_.back().carried.resize(scheduled_.back().message.layout->carries());
   }
 }
 
@@ -80,7 +86,7 @@ void FrameDevice::sample(const Sample& sample, FrameBuffer& out) noexcept {
   }
   counter_ = sample.counter;
   for (Scheduled& one : scheduled_) {
-    if (one.message.layout.has_increments()) {
+    if (one.message.layout->has_increments()) {
       one.delta_angle += sample.delta_angle;
       one.delta_velocity += sample.delta_velocity;
       const Vector3 turn = sample.delta_angle.cwiseMax(-largest_turn).cwiseMin(largest_turn);
@@ -94,13 +100,14 @@ void FrameDevice::sample(const Sample& sample, FrameBuffer& out) noexcept {
 }
 
 void FrameDevice::send(Scheduled& one, const Sample& sample, FrameBuffer& out) noexcept {
-  const FrameLayout& layout = one.message.layout;
-  const std::span<std::byte> room = out.room(layout.size());
-  if (room.size() != layout.size()) return;
-  saturated_ +=
+  const MessageLayout& layout = *one.message.layout;
+  const std::span<std::byte> room = out.room(layout.longest());
+  if (room.size() != layout.longest()) return;
+  const auto [size, saturated] =
       layout.encode({sample, one.delta_angle, one.delta_velocity, one.rotation, seconds(sample.time - one.sent)},
                     static_cast<std::uint64_t>(one.number), one.carried, room);
-  out.push(layout.size());
+  saturated_ += saturated;
+  out.push(size);
   one.sent = sample.time;
   one.delta_angle.setZero();
   one.delta_velocity.setZero();

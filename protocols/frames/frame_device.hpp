@@ -3,10 +3,13 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <optional>
+#include <string>
 #include <vector>
 
-#include "protocols/frames/frame_layout.hpp"
+#include "protocols/frames/frame_description.hpp"
+#include "protocols/frames/message_layout.hpp"
 #include "protocols/protocol.hpp"
 #include "protocols/wire/frame_search.hpp"
 
@@ -19,7 +22,7 @@ struct FrameMessage {
   Nanoseconds period = {};    // with the first sample of each period; 0: by the divider
   std::uint64_t divider = 1;  // with the samples of numbers phase + k * divider since the start
   std::uint64_t phase = 0;
-  FrameLayout layout;
+  std::shared_ptr<const MessageLayout> layout;
 };
 
 // Returns the messages, compiled. Throws FrameFaults with every fault.
@@ -72,7 +75,7 @@ class FrameStreamDecoder final : public Decoder {
 
  private:
   using Search = FrameSearch<FrameDescription::longest_frame>;
-  using Wrapping = FrameLayout::Wrapping;
+  using Wrapping = MessageLayout::Wrapping;
   // A clock or a counter, continued.
   class Continued {
    public:

@@ -60,7 +60,7 @@ std::uint64_t FrameLayout::rounded_time(const Field& field, std::int64_t ns) con
 }
 
 std::uint64_t FrameLayout::number_of(const Field& field, const Reading& reading, std::uint64_t count,
-                                     const double* given, std::span<double> carried,
+                                     const FrameTestValues* given, std::span<double> carried,
                                      unsigned& saturated) const noexcept {
   const auto counted = [&field](std::uint64_t value) { return field.modulus != 0 ? value % field.period : value; };
   switch (field.source) {
@@ -84,7 +84,7 @@ std::uint64_t FrameLayout::number_of(const Field& field, const Reading& reading,
       si = 1e-9 * static_cast<double>(reading.sample.time.ns);
       break;
     case MeasuredQuantity::Kind::number:
-      si = given != nullptr ? *given : field.quantity->get(reading);
+      si = given != nullptr ? given->number(*field.quantity) : field.quantity->get(reading);
       break;
   }
   double x = si / field.lsb + field.fraction;
@@ -110,14 +110,12 @@ std::uint64_t FrameLayout::number_of(const Field& field, const Reading& reading,
   return number + static_cast<std::uint64_t>(static_cast<std::int64_t>(field.whole));
 }
 
-unsigned FrameLayout::write(const Reading& reading, std::uint64_t count, std::span<const double> numbers,
+unsigned FrameLayout::write(const Reading& reading, std::uint64_t count, const FrameTestValues* given,
                             std::span<double> carried, std::span<std::byte> frame) const noexcept {
   std::memcpy(frame.data(), template_.data(), template_.size());
   unsigned saturated = 0;
-  for (std::size_t i = 0; i < fields_.size(); ++i) {
-    const Field& field = fields_[i];
-    std::uint64_t bits =
-        number_of(field, reading, count, numbers.empty() ? nullptr : &numbers[i], carried, saturated);
+  for (const Field& field : fields_) {
+    std::uint64_t bits = number_of(field, reading, count, given, carried, saturated);
     std::byte* const to = frame.data() + field.offset;
     if (field.width != 8 * field.number.bytes)
       bits = load(field.number, to) | (bits & low_bits(field.width)) << field.low;
@@ -133,18 +131,18 @@ void FrameLayout::write_checks(std::span<std::byte> frame) const noexcept {
           {Format::unsigned_integer, one.check.size(), one.is_big}, frame.data() + one.offset);
 }
 
-FrameLayout::Match FrameLayout::match(std::span<const std::byte> held) const noexcept {
+FrameLayout::Found FrameLayout::match(std::span<const std::byte> held) const noexcept {
   const std::size_t known = std::min(held.size(), size());
   for (std::size_t i = 0; i < known; ++i)
-    if (((held[i] ^ template_[i]) & constant_[i]) != std::byte{0}) return Match::no;
-  if (known < size()) return Match::unfinished;
+    if (((held[i] ^ template_[i]) & constant_[i]) != std::byte{0}) return {Match::no, 0};
+  if (known < size()) return {Match::unfinished, 0};
   for (const Check& one : checks_) {
     const FrameNumber type{Format::unsigned_integer, one.check.size(), one.is_big};
     const std::uint64_t right = one.check.of(held, one.ranges, one.extra, one.is_big);
     if (((load(type, held.data() + one.offset) ^ right) & low_bits(static_cast<unsigned>(8 * type.bytes))) != 0)
-      return Match::wrong_check;
+      return {Match::wrong_check, 0};
   }
-  return Match::yes;
+  return {Match::yes, size()};
 }
 
 double FrameLayout::value_of(const Field& field, std::uint64_t bits) noexcept {

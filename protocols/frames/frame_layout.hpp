@@ -11,61 +11,33 @@
 
 #include "protocols/frames/frame_description.hpp"
 #include "protocols/frames/frame_element.hpp"
-#include "protocols/measurements/measured_quantities.hpp"
+#include "protocols/frames/frame_test_values.hpp"
+#include "protocols/frames/message_layout.hpp"
 
 namespace imud {
 
 // Returns a number of so many ones, 0 to 64.
 constexpr std::uint64_t low_bits(unsigned bits) noexcept { return bits == 0 ? 0 : ~std::uint64_t{0} >> (64 - bits); }
 
-// Nothing but the constructor throws or allocates.
-class FrameLayout {
+class FrameLayout final : public MessageLayout {
  public:
   // Throws FrameFaults with every fault of the message.
   FrameLayout(const FrameDescription& description, const FrameDescription::Message& message);
 
   std::size_t size() const noexcept { return template_.size(); }  // bytes
-  // Returns true if the message depends on the increments of the Reading.
-  bool has_increments() const noexcept { return has_increments_; }
-  // Returns the number of fields whose remainder is carried.
-  std::size_t carries() const noexcept { return carries_; }
-  // The components that the message carries, as in ReadBack.
-  std::uint32_t components() const noexcept { return components_; }
-
-  // Writes the message number `count` to `frame`, of size() bytes. `carried` are the remainders of the message, of
-  // carries() numbers that are 0 at first. Values saturate and are rounded to nearest, a half away from zero; the low
-  // bits of clocks, counters and status are sent. Returns the number of fields that have saturated: by more than half
-  // their LSB.
-  unsigned encode(const Reading& reading, std::uint64_t count, std::span<double> carried,
-                  std::span<std::byte> frame) const noexcept {
-    return write(reading, count, {}, carried, frame);
+  std::size_t longest() const noexcept override { return size(); }
+  bool has_increments() const noexcept override { return has_increments_; }
+  std::size_t carries() const noexcept override { return carries_; }
+  std::uint32_t components() const noexcept override { return components_; }
+  Encoded encode(const Reading& reading, std::uint64_t count, std::span<double> carried,
+                 std::span<std::byte> frame) const noexcept override {
+    return {size(), write(reading, count, nullptr, carried, frame)};
   }
-
-  enum class Match : std::uint8_t { no, unfinished, wrong_check, yes };
-  // Compares the beginning of `held`, which is not empty, with the constants, and a whole frame with its checks.
-  Match match(std::span<const std::byte> held) const noexcept;
-
-  // The number that a frame has for a clock or a counter, and the number of values after which it begins again; 0:
-  // 2^64.
-  struct Wrapping {
-    std::uint64_t value = 0, period = 0;
-  };
-  struct Decoded {
-    std::optional<Wrapping> time, counter, alive_counter;
-  };
-  // The LSB of Decoded::time, ns; 1 if the message has none.
-  std::int64_t time_lsb_ns() const noexcept { return clock_ ? fields_[*clock_].time_lsb_ns : 1; }
-  // The clock and the counters that decode() returns, with values of 0.
-  Decoded wrapping() const noexcept;
-  // Reads the quantities of a frame that matches into `read`. nullopt if a number is not finite.
-  std::optional<Decoded> decode(std::span<const std::byte> frame, ReadBack& read) const noexcept;
-
-  // A line of the layout, for people.
-  struct Row {
-    std::size_t offset = 0, size = 0;  // bytes
-    std::string type, lsb, unit, name;
-  };
-  const std::vector<Row>& rows() const noexcept { return rows_; }
+  Found match(std::span<const std::byte> held) const noexcept override;
+  std::int64_t time_lsb_ns() const noexcept override { return clock_ ? fields_[*clock_].time_lsb_ns : 1; }
+  Decoded wrapping() const noexcept override;
+  std::optional<Decoded> decode(std::span<const std::byte> frame, ReadBack& read) const noexcept override;
+  const std::vector<Row>& rows() const noexcept override { return rows_; }
 
  private:
   using Source = FrameSource::Kind;
@@ -97,12 +69,13 @@ class FrameLayout {
   };
   class Compiler;
 
-  // Writes the frame; `numbers`, if not empty, are the values of quantities that are real numbers, SI, one for each
-  // field, in place of the Reading's.
-  unsigned write(const Reading& reading, std::uint64_t count, std::span<const double> numbers,
-                 std::span<double> carried, std::span<std::byte> frame) const noexcept;
-  std::uint64_t number_of(const Field& field, const Reading& reading, std::uint64_t count, const double* given,
-                          std::span<double> carried, unsigned& saturated) const noexcept;
+  // Writes the frame; `given`, if not nullptr, has the values of quantities that are real numbers, in place of the
+  // Reading's. Returns the number of fields that saturate.
+  unsigned write(const Reading& reading, std::uint64_t count, const FrameTestValues* given, std::span<double> carried,
+                 std::span<std::byte> frame) const noexcept;
+  std::uint64_t number_of(const Field& field, const Reading& reading, std::uint64_t count,
+                          const FrameTestValues* given, std::span<double> carried,
+                          unsigned& saturated) const noexcept;
   std::uint64_t rounded_time(const Field& field, std::int64_t ns) const noexcept;
   // Returns the value in SI that a field of a frame has. The field is no clock that is an integer, counter or status.
   static double value_of(const Field& field, std::uint64_t bits) noexcept;

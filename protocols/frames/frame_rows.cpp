@@ -87,66 +87,41 @@ void FrameLayout::Compiler::make_rows() {
   }
 }
 
-void FrameLayout::Compiler::give(const FrameDescription::Value& value, Given& given) const {
-  const auto source = value.name.starts_with('-') ? std::nullopt : find_frame_source(value.name);
-  if (!source) throw std::invalid_argument(unknown_frame_source(value.name));
-  const MeasuredQuantity* quantity = source->in.quantity;
-  bool is_carried = false;
-  for (std::size_t i = 0; i < out_.fields_.size(); ++i) {
-    const Field& field = out_.fields_[i];
-    const bool is_same = field.source == source->kind && field.quantity == quantity &&
-                         (source->kind != Source::status || (field.status_bits & source->bits) != 0);
-    is_carried |= is_same;
-    if (is_same && quantity != nullptr) given.numbers[i] = source->in.factor * value.value + source->in.offset;
-  }
+void FrameLayout::Compiler::give(const FrameDescription::Value& value, FrameTestValues& given) const {
+  const FrameSource source = test_source(value.name);
+  const bool is_carried = std::ranges::any_of(out_.fields_, [&source](const Field& field) {
+    return field.source == source.kind && field.quantity == source.in.quantity &&
+           (source.kind != Source::status || (field.status_bits & source.bits) != 0);
+  });
   if (!is_carried) {
-    std::string names;
+    std::vector<std::string_view> names;
     for (const Placed& placed : placed_)
-      if (placed.element.kind == Kind::field)
-        names.append(names.empty() ? "" : ", ")
-            .append(placed.element.text, 0, placed.element.text.find_first_of(":%"));
-    throw std::invalid_argument("the message does not carry it; its fields are " + (names.empty() ? "none" : names));
+      if (placed.element.kind == Kind::field) names.push_back(placed.element.text);
+    refuse_test_value(names);
   }
-  using enum MeasuredQuantity::Kind;
-  if (quantity != nullptr && quantity->kind == number) return;
-  const auto whole = [&value] {
-    if (value.value < 0 || value.value > 0x1p53 || value.value != std::floor(value.value))
-      throw std::invalid_argument("give a whole number that is not negative");
-    return static_cast<std::uint64_t>(value.value);
-  };
-  if (quantity == nullptr && source->kind == Source::alive_counter)
-    given.count = whole();
-  else if (quantity == nullptr)
-    given.sample.status = whole() != 0 ? given.sample.status | source->bits : given.sample.status & ~source->bits;
-  else if (quantity->kind == counter)
-    given.sample.counter = whole();
-  else if (quantity->kind == status)
-    given.sample.status = static_cast<std::uint32_t>(whole());
-  else if (std::abs(source->in.factor * value.value) > 1e9)
-    throw std::invalid_argument("give a time up to 1e9 s");
-  else
-    given.sample.time.ns = std::llround(source->in.factor * value.value * 1e9);
+  given.add(source, value.value);
 }
 
 std::string FrameLayout::Compiler::difference(std::span<const std::byte> got,
                                               std::span<const std::byte> wanted) const {
   const auto at = static_cast<std::size_t>(std::ranges::mismatch(got, wanted).in1 - got.begin());
   const auto row = std::ranges::find_if(
-      out_.rows_, [at](const Row& one) { return at >= one.offset && at < one.offset + one.size; });
+      out_.rows_, [at](const Row& one) { return at >= *one.offset && at < *one.offset + one.size; });
+  const std::size_t offset = *row->offset;
   std::string text = "differs at byte " + std::to_string(at) + ", in " + row->name +
-                     (row->unit.empty() ? "" : "_" + row->unit) + " (" + row->type + " at " +
-                     std::to_string(row->offset) + "): it has " + hex(wanted.subspan(row->offset, row->size)) +
-                     ", test_values give " + hex(got.subspan(row->offset, row->size));
+                     (row->unit.empty() ? "" : "_" + row->unit) + " (" + row->type + " at " + std::to_string(offset) +
+                     "): it has " + hex(wanted.subspan(offset, row->size)) + ", test_values give " +
+                     hex(got.subspan(offset, row->size));
   const auto field = std::ranges::find_if(out_.fields_, [&](const Field& one) {
-    return one.offset == row->offset && one.quantity != nullptr && one.time_lsb_ns == 0 && one.modulus == 0 &&
+    return one.offset == offset && one.quantity != nullptr && one.time_lsb_ns == 0 && one.modulus == 0 &&
            one.quantity->kind == MeasuredQuantity::Kind::number;
   });
   if (field == out_.fields_.end()) return text;
   const auto value = [&](std::span<const std::byte> bytes) {
     std::uint64_t bits = 0;
     for (std::size_t i = 0; i < row->size; ++i)
-      bits = bits << 8 |
-             std::to_integer<std::uint64_t>(bytes[row->offset + (field->number.is_big ? i : row->size - 1 - i)]);
+      bits =
+          bits << 8 | std::to_integer<std::uint64_t>(bytes[offset + (field->number.is_big ? i : row->size - 1 - i)]);
     return shortest((value_of(*field, bits) - field->zero) / field->factor);
   };
   return text + ", which mean " + value(wanted) + " and " + value(got);
@@ -167,8 +142,7 @@ void FrameLayout::Compiler::test() {
     fault(line, "test_frame", "must be bytes in hexadecimal, such as \"AA 55 01\"");
     return finish();
   }
-  Given given;
-  given.numbers.resize(out_.fields_.size());
+  FrameTestValues given;
   for (const FrameDescription::Value& value : message_.test_values) try {
       give(value, given);
     } catch (const std::invalid_argument& error) {
@@ -182,7 +156,7 @@ void FrameLayout::Compiler::test() {
   }
   std::vector<std::byte> got(out_.size());
   std::vector<double> carried(out_.carries_);
-  const unsigned saturated = out_.write({given.sample}, given.count, given.numbers, carried, got);
+  const unsigned saturated = out_.write({given.sample}, given.count, &given, carried, got);
   if (got != *wanted)
     fault(line, "test_frame", difference(got, *wanted));
   else if (saturated > 0)

@@ -18,7 +18,7 @@ FrameStreamDecoder::FrameStreamDecoder(std::vector<FrameMessage> messages) {
   const auto most = std::ranges::min_element(messages, is_more_frequent);
   for (const FrameMessage& message : messages) {
     const bool is_needed = !is_more_frequent(*most, message);
-    components_ |= message.layout.components();
+    components_ |= message.layout->components();
     needed_ += is_needed;
     known_.push_back({message, is_needed});
   }
@@ -28,10 +28,10 @@ FrameStreamDecoder::FrameStreamDecoder(std::vector<FrameMessage> messages) {
 // Chooses the message with the longest round among the needed messages, or else among the others.
 void FrameStreamDecoder::choose_clocks() {
   const auto choose = [this](std::optional<std::size_t>& chosen,
-                             std::optional<Wrapping> FrameLayout::Decoded::*part) {
+                             std::optional<Wrapping> MessageLayout::Decoded::*part) {
     double best = 0;
     for (std::size_t i = 0; i < known_.size(); ++i) {
-      const FrameLayout& layout = known_[i].message.layout;
+      const MessageLayout& layout = *known_[i].message.layout;
       const std::optional<Wrapping> wrapping = layout.wrapping().*part;
       if (!wrapping) continue;
       const double values = wrapping->period == 0 ? 0x1p64 : static_cast<double>(wrapping->period);
@@ -40,9 +40,9 @@ void FrameStreamDecoder::choose_clocks() {
       best = std::max(best, round);
     }
   };
-  choose(clock_, &FrameLayout::Decoded::time);
-  choose(counter_, &FrameLayout::Decoded::counter);
-  if (!counter_) choose(alive_counter_, &FrameLayout::Decoded::alive_counter);
+  choose(clock_, &MessageLayout::Decoded::time);
+  choose(counter_, &MessageLayout::Decoded::counter);
+  if (!counter_) choose(alive_counter_, &MessageLayout::Decoded::alive_counter);
 }
 
 std::uint64_t FrameStreamDecoder::Continued::next(const Wrapping& read, bool may_go_back) noexcept {
@@ -78,7 +78,7 @@ void FrameStreamDecoder::end(MeasurementSink& sink) {
 }
 
 bool FrameStreamDecoder::accept(std::size_t index, std::span<const std::byte> frame, MeasurementSink& sink) {
-  const FrameLayout& layout = known_[index].message.layout;
+  const MessageLayout& layout = *known_[index].message.layout;
   const bool begins_sample = index < next_;
   ReadBack read = begins_sample ? ReadBack() : set_;
   const auto decoded = layout.decode(frame, read);
@@ -105,15 +105,14 @@ bool FrameStreamDecoder::accept(std::size_t index, std::span<const std::byte> fr
 }
 
 std::size_t FrameStreamDecoder::parse(std::span<const std::byte> held, MeasurementSink& sink) {
-  using enum FrameLayout::Match;
+  using enum MessageLayout::Match;
   bool is_unfinished = false, has_wrong_check = false, is_malformed = false;
   for (std::size_t i = 0; i < known_.size(); ++i) {
-    const FrameLayout& layout = known_[i].message.layout;
-    const FrameLayout::Match match = layout.match(held);
+    const auto [match, size] = known_[i].message.layout->match(held);
     is_unfinished |= match == unfinished;
     has_wrong_check |= match == wrong_check;
     if (match != yes) continue;
-    if (accept(i, held.first(layout.size()), sink)) return layout.size();
+    if (accept(i, held.first(size), sink)) return size;
     is_malformed = true;
   }
   if (is_unfinished) return Search::need_more;

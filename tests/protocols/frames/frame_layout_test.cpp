@@ -134,9 +134,9 @@ TEST(FrameLayout, RowsAreAManualsTable) {
       "test.toml");
   const std::vector<FrameMessage> messages = frame_messages(*description);
   std::string text;
-  for (const FrameLayout::Row& row : messages[0].layout.rows())
-    text += std::to_string(row.offset) + "|" + std::to_string(row.size) + "|" + row.type + "|" + row.lsb + "|" +
-            row.unit + "|" + row.name + "\n";
+  for (const MessageLayout::Row& row : messages[0].layout->rows())
+    text += std::to_string(row.offset.value_or(0)) + "|" + std::to_string(row.size) + "|" + row.type + "|" + row.lsb +
+            "|" + row.unit + "|" + row.name + "\n";
   EXPECT_EQ(text,
             "0|2|constant|||AA 55\n"
             "2|2|i16 be|0.5|deg_per_s|-rate_x\n"

@@ -1,0 +1,76 @@
+// MessageLayout: how the bytes of one message of a description are made and read back. FrameLayout has the messages
+// of numbers at fixed places, TextLayout the lines of text.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "protocols/measurements/measured_quantities.hpp"
+
+namespace imud {
+
+// No function but the constructors and the destructor throws or allocates.
+class MessageLayout {
+ public:
+  virtual ~MessageLayout() = default;
+
+  virtual std::size_t longest() const noexcept = 0;  // bytes of the longest frame
+  // Returns true if the message depends on the increments of the Reading.
+  virtual bool has_increments() const noexcept = 0;
+  // Returns the number of fields whose remainder is carried.
+  virtual std::size_t carries() const noexcept = 0;
+  // The components that the message carries, as in ReadBack.
+  virtual std::uint32_t components() const noexcept = 0;
+
+  struct Encoded {
+    std::size_t size = 0;    // bytes of the frame
+    unsigned saturated = 0;  // fields that saturate: by more than half their LSB
+  };
+  // Writes the message number `count` to the beginning of `frame`, of longest() bytes. `carried` are the remainders
+  // of the message, of carries() numbers that are 0 at first. Values saturate and are rounded to nearest, a half away
+  // from zero; the low bits of clocks, counters and status are sent.
+  virtual Encoded encode(const Reading& reading, std::uint64_t count, std::span<double> carried,
+                         std::span<std::byte> frame) const noexcept = 0;
+
+  enum class Match : std::uint8_t { no, unfinished, wrong_check, yes };
+  struct Found {
+    Match match = Match::no;
+    std::size_t size = 0;  // bytes of the frame, if it matches
+  };
+  // Compares the beginning of `held`, which is not empty, with the constants, and a whole frame with its checks.
+  virtual Found match(std::span<const std::byte> held) const noexcept = 0;
+
+  // The number that a frame has for a clock or a counter, and the number of values after which it begins again; 0:
+  // 2^64.
+  struct Wrapping {
+    std::uint64_t value = 0, period = 0;
+  };
+  struct Decoded {
+    std::optional<Wrapping> time, counter, alive_counter;
+  };
+  // The LSB of Decoded::time, ns; 1 if the message has none.
+  virtual std::int64_t time_lsb_ns() const noexcept = 0;
+  // The clock and the counters that decode() returns, with values of 0.
+  virtual Decoded wrapping() const noexcept = 0;
+  // Reads the quantities of a frame that matches into `read`. nullopt if a number is not finite.
+  virtual std::optional<Decoded> decode(std::span<const std::byte> frame, ReadBack& read) const noexcept = 0;
+
+  // A line of the layout, for people.
+  struct Row {
+    std::optional<std::size_t> offset;  // bytes; nullopt where the length of what precedes varies
+    std::size_t size = 0;               // bytes; 0 if it varies
+    std::string type, lsb, unit, name;
+  };
+  virtual const std::vector<Row>& rows() const noexcept = 0;
+
+ protected:
+  MessageLayout() = default;
+  MessageLayout(const MessageLayout&) = default;
+  MessageLayout& operator=(const MessageLayout&) = default;
+};
+
+}  // namespace imud
