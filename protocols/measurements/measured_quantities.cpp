@@ -119,12 +119,22 @@ double time_of_week(const Reading& r) noexcept {
 double gps_time(const Reading& r) noexcept { return 1e-9 * static_cast<double>(r.sample.navigation.gps_ns); }
 double gps_week(const Reading& r) noexcept { return static_cast<double>(r.sample.navigation.gps_ns / gps_week_ns); }
 
+double fix(const Reading& r) noexcept { return r.sample.navigation.is_known ? 1 : 0; }
+double satellites(const Reading& r) noexcept {
+  return r.sample.navigation.is_known ? r.sample.navigation.satellites : 0;
+}
+
 double temperature(const Reading& r) noexcept { return r.sample.temperature_c; }
 void put_temperature(double value, ReadBack& read) noexcept {
   read.measurement.sample.temperature_c = value;
   read.measurement.fields |= Measurement::temperature;
 }
 double pressure(const Reading& r) noexcept { return r.sample.pressure; }
+
+constexpr MeasuredQuantity at_place(std::string_view name, std::string_view help, std::span<const KeyUnit> units,
+                                    double (*get)(const Reading&) noexcept) {
+  return {.name = name, .help = help, .units = units, .get = get, .needs_place = true};
+}
 
 using enum MeasuredQuantity::Kind;
 constexpr MeasuredQuantity quantities[] = {
@@ -184,36 +194,38 @@ constexpr MeasuredQuantity quantities[] = {
     {"acceleration_x", "the same in the axes of the sensor", key_units::acceleration, acceleration<0>},
     {"acceleration_y", "", key_units::acceleration, acceleration<1>},
     {"acceleration_z", "", key_units::acceleration, acceleration<2>},
-    {"latitude", "geodetic, WGS 84", key_units::angle, place<&Navigation::latitude>},
-    {"longitude", "", key_units::angle, place<&Navigation::longitude>},
-    {"height", "above the ellipsoid", key_units::length, place<&Navigation::height>},
-    {"velocity_north", "velocity relative to the Earth", key_units::speed, velocity_L<0>},
-    {"velocity_east", "", key_units::speed, velocity_L<1>},
-    {"velocity_down", "", key_units::speed, velocity_L<2>},
-    {"velocity_up", "", key_units::speed, climb},
-    {"speed", "magnitude of the velocity", key_units::speed, speed},
-    {"ground_speed", "its horizontal part", key_units::speed, ground_speed},
-    {"track", "its direction, from north to east", key_units::angle, track},
-    {"velocity_x", "the same in the axes of the sensor", key_units::speed, velocity_P<0>},
-    {"velocity_y", "", key_units::speed, velocity_P<1>},
-    {"velocity_z", "", key_units::speed, velocity_P<2>},
-    {"r_E_x", "position in Earth-fixed axes", key_units::length, position<0>},
-    {"r_E_y", "", key_units::length, position<1>},
-    {"r_E_z", "", key_units::length, position<2>},
+    at_place("latitude", "geodetic, WGS 84", key_units::angle, place<&Navigation::latitude>),
+    at_place("longitude", "", key_units::angle, place<&Navigation::longitude>),
+    at_place("height", "above the ellipsoid", key_units::length, place<&Navigation::height>),
+    at_place("velocity_north", "velocity relative to the Earth", key_units::speed, velocity_L<0>),
+    at_place("velocity_east", "", key_units::speed, velocity_L<1>),
+    at_place("velocity_down", "", key_units::speed, velocity_L<2>),
+    at_place("velocity_up", "", key_units::speed, climb),
+    at_place("speed", "magnitude of the velocity", key_units::speed, speed),
+    at_place("ground_speed", "its horizontal part", key_units::speed, ground_speed),
+    at_place("track", "its direction, from north to east", key_units::angle, track),
+    at_place("velocity_x", "the same in the axes of the sensor", key_units::speed, velocity_P<0>),
+    at_place("velocity_y", "", key_units::speed, velocity_P<1>),
+    at_place("velocity_z", "", key_units::speed, velocity_P<2>),
+    at_place("r_E_x", "position in Earth-fixed axes", key_units::length, position<0>),
+    at_place("r_E_y", "", key_units::length, position<1>),
+    at_place("r_E_z", "", key_units::length, position<2>),
     {"time", "clock of the sensor; wraps", key_units::time, nullptr, nullptr, time},
-    {"utc_year", "UTC; all are 0 where the truth has no date", {}, utc<year>},
-    {"utc_month", "", {}, utc<month>},
-    {"utc_day", "", {}, utc<day>},
-    {"utc_hour", "", {}, utc<since<chrono::hours, chrono::days>>},
-    {"utc_minute", "", {}, utc<since<chrono::minutes, chrono::hours>>},
-    {"utc_second", "", {}, utc<since<chrono::seconds, chrono::minutes>>},
-    {"day_of_year", "from 1", {}, utc<day_of_year>},
-    {"time_of_day", "UTC", key_units::time, utc<time_of_day>},
-    {"unix_time", "UTC, since 1970", key_units::time, utc<unix_time>},
-    {"utc_subsecond", "in steps of 0.1 ms", key_units::time, utc<subsecond>},
-    {"gps_week", "GPS time", {}, gps_week},
-    {"gps_time_of_week", "", key_units::time, time_of_week},
-    {"gps_time", "since 1980-01-06", key_units::time, gps_time},
+    at_place("utc_year", "UTC; all are 0 where the truth has no date", {}, utc<year>),
+    at_place("utc_month", "", {}, utc<month>),
+    at_place("utc_day", "", {}, utc<day>),
+    at_place("utc_hour", "", {}, utc<since<chrono::hours, chrono::days>>),
+    at_place("utc_minute", "", {}, utc<since<chrono::minutes, chrono::hours>>),
+    at_place("utc_second", "", {}, utc<since<chrono::seconds, chrono::minutes>>),
+    at_place("day_of_year", "from 1", {}, utc<day_of_year>),
+    at_place("time_of_day", "UTC", key_units::time, utc<time_of_day>),
+    at_place("unix_time", "UTC, since 1970", key_units::time, utc<unix_time>),
+    at_place("utc_subsecond", "in steps of 0.1 ms", key_units::time, utc<subsecond>),
+    at_place("gps_week", "GPS time", {}, gps_week),
+    at_place("gps_time_of_week", "", key_units::time, time_of_week),
+    at_place("gps_time", "since 1980-01-06", key_units::time, gps_time),
+    at_place("gnss_fix", "1 while the receiver has a fix, else 0", {}, fix),
+    at_place("gnss_satellites", "that the receiver uses", {}, satellites),
     {"sample_counter", "wraps", {}, nullptr, nullptr, counter},
     {"status", "bits of core/sample.hpp", {}, nullptr, nullptr, status},
 };

@@ -48,6 +48,7 @@ struct MeasuredQuantity {
   void (*set)(double value, ReadBack& read) noexcept = nullptr;  // its inverse; nullptr: a Measurement has no place
   Kind kind = Kind::number;
   bool is_increment = false;  // depends on the increments of the Reading
+  bool needs_place = false;   // 0 where the place and the date are not known (Navigation::is_known)
 };
 
 // A quantity in one of its units.
