@@ -1,0 +1,85 @@
+// TextFormat: how a number is written as text in a message, and read back.
+//
+// | format                | text                                                                                |
+// |-----------------------|-------------------------------------------------------------------------------------|
+// | 6.2f, +07.3f, .4e     | as printf() has it: flags + (sign), blank (place of a sign), 0 (zeros); width; decimals |
+// | d, 03d, +5d           | rounded to an integer                                                               |
+// | 04X, 8x               | so many hexadecimal digits, negative numbers in two's complement                    |
+// | hhmmss, hhmmss.ss     | a time of day, also hh:mm:ss                                                        |
+// | ddmm.mmmm, dddmm.mm   | the magnitude of an angle, in degrees and minutes                                   |
+// | N/S, A/V, 1/0         | one text where the value is above 0, the other where it is not                      |
+// | ?                     | after any of them: nothing while the sample is not valid, or the place is not known |
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+
+namespace imud {
+
+class TextFormat {
+ public:
+  static constexpr int widest = 32;  // characters that a width may ask for
+  static constexpr int most_decimals = 15;
+  static constexpr double largest = 1e15;  // magnitude at which numbers saturate
+
+  // Reads a format from the beginning of the text, and removes it. Throws std::invalid_argument.
+  static TextFormat take(std::string_view& text);
+
+  // The unit in which the number is given: that of its name, or seconds of the day, or degrees.
+  enum class Value : std::uint8_t { named, seconds, degrees };
+  Value value() const noexcept;
+  // Returns the characters of every text, but of numbers that do not fit into their zeros; 0 if they vary.
+  std::size_t fixed_size() const noexcept;
+  // Returns the step between two numbers, 0 if it varies.
+  double step() const noexcept;
+  int width() const noexcept { return width_; }  // characters at least
+  std::size_t longest() const noexcept;          // characters, 1 to 64
+  bool may_be_empty() const noexcept { return may_be_empty_; }
+  // Returns true for a number whose length varies with it.
+  bool is_number() const noexcept {
+    return kind_ == Kind::fixed || kind_ == Kind::scientific || kind_ == Kind::integer;
+  }
+  // Returns true if the text of a choice is the one of values above 0.
+  bool is_above(std::string_view text) const noexcept { return kind_ == Kind::choice && text == above_; }
+  // Returns true if the format holds an integer, whose modulus is a power of 16 if it has none of its own.
+  bool is_integer() const noexcept { return kind_ == Kind::integer || kind_ == Kind::hexadecimal; }
+  std::uint64_t period() const noexcept;  // 16^digits of hexadecimal digits; 0: 2^64
+  // Returns true if a text may have the character.
+  bool may_have(char c) const noexcept;
+
+  // Both write to `out`, which has longest() characters. Return the number of characters. `is_saturated` is set if
+  // the number is beyond what the format holds; a NaN is the lowest number.
+  std::size_t write(double number, char* out, bool& is_saturated) const noexcept;
+  // The same of an integer whose low digits are sent, for counters.
+  std::size_t write(std::uint64_t number, char* out) const noexcept;
+
+  // Returns the number, of which is_integer() has the digits; nullopt if the text is of another format, or not a
+  // number.
+  std::optional<double> read(std::string_view text) const noexcept;
+  std::optional<std::uint64_t> read_integer(std::string_view text) const noexcept;
+  // Returns true if the text has the format.
+  bool matches(std::string_view text) const noexcept;
+  // Returns the size of the text of a choice with which `text` begins; nullopt if this is no choice, or it begins
+  // with neither of them. A text that ends too early is its own size.
+  std::optional<std::size_t> chosen(std::string_view text) const noexcept;
+
+ private:
+  enum class Kind : std::uint8_t { fixed, scientific, integer, hexadecimal, clock, degrees, choice };
+  bool take_choice(std::string_view& text);
+  bool take_pattern(std::string_view& text);
+  void take_number(std::string_view& text);
+  std::size_t pad(bool is_negative, std::string_view digits, char* out) const noexcept;
+  std::size_t write_sexagesimal(double number, char* out, bool& is_saturated) const noexcept;
+
+  Kind kind_ = Kind::fixed;
+  bool has_plus_ = false, has_blank_ = false, has_zeros_ = false, is_lower_ = false, has_colons_ = false;
+  bool may_be_empty_ = false;
+  int width_ = 0;  // of hexadecimal: digits; of degrees: of the degrees
+  int decimals_ = 6;
+  std::string above_{}, otherwise_{};  // of a choice
+};
+
+}  // namespace imud
