@@ -21,6 +21,7 @@ struct FrameDescription {
   static constexpr std::size_t most_elements = 512;       // of a message
   static constexpr std::size_t longest_element = 512;     // characters
   static constexpr std::size_t longest_frame = 4096;      // bytes
+  static constexpr std::size_t longest_text = 4096;       // characters of a text message
   static constexpr std::size_t most_checks = 64;          // own algorithms
   static constexpr std::uint64_t most_samples = 1 << 20;  // of a divider
 
@@ -46,7 +47,8 @@ struct FrameDescription {
     std::uint64_t divider = 1;
     std::uint64_t phase = 0;  // less than the divider
     std::vector<Text> layout;
-    std::optional<Text> test_frame;  // in hexadecimal
+    std::optional<Text> text;        // of a line of text, in place of the layout
+    std::optional<Text> test_frame;  // in hexadecimal, or the line of text
     std::vector<Value> test_values;
   };
 
