@@ -106,7 +106,14 @@ void read_checks(TableReader& table, FrameDescription& description) {
 }
 
 void read_layout(TableReader& table, std::uint32_t line, FrameDescription::Message& message) {
-  require(table, "layout", "the list of the elements, in the order of their bytes");
+  if (table.has("text")) {
+    if (table.has("layout")) table.fault("text", "give either this, for a line of text, or layout");
+    message.text = {table.text("text", ""), table.node("text")->source().begin.line};
+    if (message.text->text.size() > FrameDescription::longest_text)
+      table.fault("text", fmt::format("has more than {} characters", FrameDescription::longest_text));
+    return;
+  }
+  require(table, "layout", "the list of the elements, in the order of their bytes, or text, a line of text");
   const toml::node* node = table.node("layout");
   if (node == nullptr) return;
   const toml::array* list = node->as_array();

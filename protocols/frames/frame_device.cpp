@@ -5,6 +5,7 @@
 
 #include "core/attitude.hpp"
 #include "protocols/frames/frame_layout.hpp"
+#include "protocols/frames/text_layout.hpp"
 
 namespace imud {
 namespace {
@@ -14,6 +15,7 @@ constexpr Nanoseconds tolerance{1000};
 
 std::shared_ptr<const MessageLayout> layout_of(const FrameDescription& description,
                                                const FrameDescription::Message& message) {
+  if (message.text) return std::make_shared<TextLayout>(description, message);
   return std::make_shared<FrameLayout>(description, message);
 }
 
