@@ -15,6 +15,9 @@
 
 namespace imud {
 
+// The framing of all messages (protocols/frames/frame_escape.hpp).
+enum class FrameEscape : std::uint8_t { none, slip, hdlc, dle, cobs };
+
 struct FrameDescription {
   // Limits of a file, which bound memory and time.
   static constexpr std::size_t most_messages = 64;
