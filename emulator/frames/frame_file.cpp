@@ -65,6 +65,20 @@ UartSettings read_line(TableReader table) {
   return uart;
 }
 
+FrameDescription::Start read_start(TableReader table) {
+  constexpr double longest_s = 600;
+  FrameDescription::Start start;
+  start.silent = nanoseconds(table.real("silent_s", 0, 0, longest_s));
+  start.until = nanoseconds(table.real("until_s", 0, 0, longest_s));
+  start.pattern = static_cast<std::byte>(table.unsigned_integer("pattern", 0, 255));
+  if (start.until.count() != 0 && start.until <= start.silent)
+    table.fault("until_s", "give more than silent_s, during which nothing is sent");
+  if (start.pattern != std::byte{0} && start.until.count() == 0)
+    table.fault("pattern", "give until_s, up to which the pattern is sent");
+  table.finish();
+  return start;
+}
+
 FrameDescription::Check read_check(TableReader table, const std::string& name) {
   FrameDescription::Check check{name, {}};
   CrcParameters& crc = check.parameters;
@@ -144,6 +158,27 @@ void read_test(TableReader& table, FrameDescription::Message& message) {
   }
 }
 
+// Reads a number, or a list of numbers.
+void read_phases(TableReader& table, FrameDescription::Message& message) {
+  const toml::node* node = table.node("phase");
+  const toml::array* list = node == nullptr ? nullptr : node->as_array();
+  if (list == nullptr) {
+    message.phases = {table.unsigned_integer("phase", 0, FrameDescription::most_samples)};
+    return;
+  }
+  std::vector<std::uint64_t> phases;
+  for (const toml::node& one : *list) {
+    const auto phase = one.value<std::int64_t>();
+    if (one.is_integer() && *phase >= 0) phases.push_back(static_cast<std::uint64_t>(*phase));
+  }
+  std::ranges::sort(phases);
+  if (phases.size() != list->size() || phases.empty() || phases.size() > FrameDescription::most_phases ||
+      std::ranges::adjacent_find(phases) != phases.end())
+    return table.fault("phase", fmt::format("give a number, or 1 to {} different numbers, such as [0, 1, 2]",
+                                            FrameDescription::most_phases));
+  message.phases = phases;
+}
+
 FrameDescription::Message read_message(TableReader table, std::uint32_t line, bool big, std::size_t number) {
   FrameDescription::Message message;
   message.line = line;
@@ -152,11 +187,11 @@ FrameDescription::Message read_message(TableReader table, std::uint32_t line, bo
   message.rate_hz = table.real("rate_hz", 0, 0, Grid::max_rate_hz);
   if (message.rate_hz > 0 && message.rate_hz < 1e-3) table.fault("rate_hz", "give at least 0.001");
   message.divider = table.unsigned_integer("divider", 1, FrameDescription::most_samples);
-  message.phase = table.unsigned_integer("phase", 0, FrameDescription::most_samples);
+  read_phases(table, message);
   if (message.divider == 0) table.fault("divider", "give 1 for every sample, 2 for every second one");
   if (table.has("rate_hz") && (table.has("divider") || table.has("phase")))
     table.fault("rate_hz", "give either this, or divider and phase");
-  if (message.divider != 0 && message.phase >= message.divider)
+  if (message.divider != 0 && message.phases.back() >= message.divider)
     table.fault("phase", "must be less than divider: it is the number of the first sample that is sent");
   read_layout(table, line, message);
   read_test(table, message);
@@ -172,7 +207,11 @@ void read_root(TableReader& table, Faults& faults, toml::table& resolved, FrameD
   description.name = table.text("name", "");
   description.document = table.text("document", "");
   const bool big = is_big(table, false);
+  using enum FrameEscape;
+  description.escape = table.choice<FrameEscape>(
+      "escape", {{none, "none"}, {slip, "slip"}, {hdlc, "hdlc"}, {dle, "dle"}, {cobs, "cobs"}}, none);
   description.uart = read_line(table.child("line"));
+  description.start = read_start(table.child("start"));
   read_checks(table, description);
   require(table, "message", "at least one [[message]]");
   for (const toml::table* one : tables_of(table, "message", FrameDescription::most_messages)) {

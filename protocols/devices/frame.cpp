@@ -77,18 +77,22 @@ void check_rates(const Settings& settings, double rate_hz) {
 }
 
 std::string when(const FrameMessage& message) {
-  if (message.period.count() == 0 && message.divider == 1) return "with every sample";
+  if (message.period.count() == 0 && message.phases.size() == message.divider) return "with every sample";
   char text[80];
   if (message.period.count() != 0)
     std::snprintf(text, sizeof text, "at %g Hz", 1 / seconds(message.period));
   else
-    std::snprintf(text, sizeof text, "with one of %llu samples", static_cast<unsigned long long>(message.divider));
+    std::snprintf(text, sizeof text, "with %zu of %llu samples", message.phases.size(),
+                  static_cast<unsigned long long>(message.divider));
   return text;
 }
 
 std::vector<std::string> layout_of(const Settings& settings) {
   const FrameDescription description = description_of(settings);
   std::vector<std::string> lines;
+  if (description.escape != FrameEscape::none)
+    lines.push_back(fmt::format("{}: the frames, whose bytes follow, are sent with the escapes of {}",
+                                description.name, escape_name(description.escape)));
   for (const FrameMessage& message : frame_messages(description)) {
     const bool varies = std::ranges::any_of(message.layout->rows(), [](const auto& row) { return row.size == 0; });
     lines.push_back(fmt::format("{}, message \"{}\": {}{} bytes, {}", description.name, message.name,
@@ -150,10 +154,11 @@ extern constexpr Protocol frame_protocol = {
     .check = check_rates,
     .make = [](const Settings& chosen) -> std::unique_ptr<Device> {
       const FrameDescription description = description_of(chosen);
-      return std::make_unique<FrameDevice>(frame_messages(description), uart_of(description, chosen));
+      return std::make_unique<FrameDevice>(frame_messages(description), description, uart_of(description, chosen));
     },
     .make_decoder = [](const Settings& chosen) -> std::unique_ptr<Decoder> {
-      return std::make_unique<FrameStreamDecoder>(frame_messages(description_of(chosen)));
+      const FrameDescription description = description_of(chosen);
+      return std::make_unique<FrameStreamDecoder>(frame_messages(description), description.escape);
     },
 };
 

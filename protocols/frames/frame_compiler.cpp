@@ -83,6 +83,7 @@ void FrameLayout::Compiler::compile() {
   if (faults_.empty()) order_checks();
   if (faults_.empty()) check_sync();
   if (!faults_.empty()) throw FrameFaults(description_.file, std::move(faults_));
+  out_.pattern_ = description_.start.pattern;
   find_read_back();
   make_rows();
 }
@@ -105,7 +106,11 @@ void FrameLayout::Compiler::find_read_back() {
     if (field.quantity->kind == MeasuredQuantity::Kind::counter) longest(out_.counter_, i);
     if (field.time_lsb_ns != 0) longest(out_.clock_, i);
     out_.has_increments_ |= field.quantity->is_increment;
-    if (field.quantity->set != nullptr && field.modulus == 0) field.quantity->set(0, read);
+    if (field.quantity->set == nullptr || field.modulus != 0) continue;
+    ReadBack own;
+    field.quantity->set(0, own);
+    out_.fields_[i].is_inertial = own.components != 0;
+    field.quantity->set(0, read);
   }
   out_.components_ = read.components;
 }
@@ -211,6 +216,7 @@ void FrameLayout::Compiler::add_field(const Placed& placed) {
   field.width = static_cast<unsigned>(8 * element.number.bytes);
   field.source = element.source.kind;
   field.quantity = element.source.in.quantity;
+  field.is_floor = element.is_floor;
   using enum MeasuredQuantity::Kind;
   if (field.quantity == nullptr || field.quantity->kind == counter || field.quantity->kind == status)
     set_counting(field, element.source);
@@ -317,7 +323,7 @@ void FrameLayout::Compiler::order_checks() {
 void FrameLayout::Compiler::check_sync() {
   int bits = 0;
   for (const std::byte byte : out_.constant_) bits += std::popcount(std::to_integer<unsigned>(byte));
-  if (bits < 8 && out_.checks_.empty())
+  if (bits < 8 && out_.checks_.empty() && description_.escape == FrameEscape::none)
     fault(message_.line, "layout",
           "a decoder cannot find the frame: give at least one constant byte, or a check of its bytes");
 }

@@ -10,6 +10,7 @@
 #include <string_view>
 #include <vector>
 
+#include "core/time.hpp"
 #include "core/uart.hpp"
 #include "protocols/wire/crc.hpp"
 
@@ -27,6 +28,7 @@ struct FrameDescription {
   static constexpr std::size_t longest_text = 4096;       // characters of a text message
   static constexpr std::size_t most_checks = 64;          // own algorithms
   static constexpr std::uint64_t most_samples = 1 << 20;  // of a divider
+  static constexpr std::size_t most_phases = 1024;        // of a message
 
   struct Text {
     std::string text;
@@ -46,19 +48,28 @@ struct FrameDescription {
     std::uint32_t line = 0;
     bool is_big = false;  // the byte order of numbers that have none of their own
     double rate_hz = 0;   // 0: by the divider
-    // Sent with each sample whose number since the start is phase + k * divider.
+    // Sent with each sample whose number since the start is one of the phases + k * divider.
     std::uint64_t divider = 1;
-    std::uint64_t phase = 0;  // less than the divider
+    std::vector<std::uint64_t> phases = {0};  // ascending, less than the divider
     std::vector<Text> layout;
     std::optional<Text> text;        // of a line of text, in place of the layout
     std::optional<Text> test_frame;  // in hexadecimal, or the line of text
     std::vector<Value> test_values;
   };
 
+  // After power on; counted from then.
+  struct Start {
+    Nanoseconds silent{};  // nothing is sent
+    Nanoseconds until{};   // the bit `starting` is set; 0 or more than `silent`
+    std::byte pattern{};   // and each byte of rates, specific forces and increments has this value; 0: as they are
+  };
+
   std::string file;      // for messages to users
   std::string name;      // of the product
   std::string document;  // and its edition
   UartSettings uart;     // baud 0: not given
+  Start start;
+  FrameEscape escape = FrameEscape::none;
   std::vector<Check> checks;
   std::vector<Message> messages;
 };

@@ -28,8 +28,8 @@ std::vector<FrameMessage> frame_messages(const FrameDescription& description) {
   for (const FrameDescription::Message& message : description.messages) try {
       messages.push_back({message.name, message.line,
                           message.rate_hz > 0 ? nanoseconds(1 / message.rate_hz) : Nanoseconds{}, message.divider,
-                          message.phase, layout_of(description, message)});
-      bytes += messages.back().layout->longest();
+                          message.phases, layout_of(description, message)});
+      bytes += longest_escaped(description.escape, messages.back().layout->longest());
     } catch (const FrameFaults& error) {
       faults.insert(faults.end(), error.faults.begin(), error.faults.end());
     }
@@ -43,16 +43,24 @@ std::vector<FrameMessage> frame_messages(const FrameDescription& description) {
   return messages;
 }
 
-FrameDevice::FrameDevice(std::vector<FrameMessage> messages, const UartSettings& uart) : uart_(uart) {
+FrameDevice::FrameDevice(std::vector<FrameMessage> messages, const FrameDescription& description,
+                         const UartSettings& uart)
+    : uart_(uart), starting_(description.start), escape_(description.escape) {
   for (FrameMessage& message : messages) {
     scheduled_.push_back({.message = std::move(message)});
-    scheduled_.back().carried.resize(scheduled_.back().message.layout->carries());
+    const MessageLayout& layout = *scheduled_.back().message.layout;
+    scheduled_.back().carried.resize(layout.carries());
+    if (escape_ != FrameEscape::none) content_.resize(std::max(content_.size(), layout.longest()));
   }
 }
 
-void FrameDevice::power_on(DeviceTime) noexcept { start_.reset(); }
+void FrameDevice::power_on(DeviceTime now) noexcept {
+  powered_ = now;
+  start_.reset();
+}
 
 void FrameDevice::step_clock(Nanoseconds by) noexcept {
+  powered_ = powered_ + by;
   if (start_) start_ = *start_ + by;
   for (Scheduled& one : scheduled_) one.sent = one.sent + by;
 }
@@ -73,13 +81,17 @@ void FrameDevice::restart(DeviceTime now) noexcept {
 // Returns the number of the message that was due last.
 std::int64_t FrameDevice::number_at(const Scheduled& one, DeviceTime now) const noexcept {
   if (one.message.period.count() != 0) return (now - *start_ + tolerance) / one.message.period;
-  const std::int64_t since = samples_ - static_cast<std::int64_t>(one.message.phase);
-  return since < 0 ? -1 : since / static_cast<std::int64_t>(one.message.divider);
+  const std::vector<std::uint64_t>& phases = one.message.phases;
+  const auto samples = static_cast<std::uint64_t>(samples_);
+  const auto sent = std::ranges::upper_bound(phases, samples % one.message.divider) - phases.begin();
+  const auto rounds = static_cast<std::int64_t>(samples / one.message.divider);
+  return rounds * static_cast<std::int64_t>(phases.size()) + sent - 1;
 }
 
 void FrameDevice::sample(const Sample& sample, FrameBuffer& out) noexcept {
   constexpr double largest_turn = 1e4;            // rad; sine and cosine of larger angles are not defined
   constexpr std::uint64_t longest_gap = 1 << 30;  // samples; more is no gap
+  if (sample.time - powered_ < starting_.silent) return;
   if (!start_) {
     restart(sample.time);
   } else {
@@ -103,13 +115,16 @@ void FrameDevice::sample(const Sample& sample, FrameBuffer& out) noexcept {
 
 void FrameDevice::send(Scheduled& one, const Sample& sample, FrameBuffer& out) noexcept {
   const MessageLayout& layout = *one.message.layout;
-  const std::span<std::byte> room = out.room(layout.longest());
-  if (room.size() != layout.longest()) return;
+  const bool is_escaped = escape_ != FrameEscape::none;
+  const std::size_t longest = longest_escaped(escape_, layout.longest());
+  const std::span<std::byte> room = out.room(longest);
+  if (room.size() != longest) return;
+  const MessageLayout::State state{static_cast<std::uint64_t>(one.number), sample.time - powered_ < starting_.until};
   const auto [size, saturated] =
       layout.encode({sample, one.delta_angle, one.delta_velocity, one.rotation, seconds(sample.time - one.sent)},
-                    static_cast<std::uint64_t>(one.number), one.carried, room);
+                    state, one.carried, is_escaped ? std::span(content_) : room);
   saturated_ += saturated;
-  out.push(size);
+  out.push(is_escaped ? escape_frame(escape_, std::span(content_).first(size), room) : size);
   one.sent = sample.time;
   one.delta_angle.setZero();
   one.delta_velocity.setZero();

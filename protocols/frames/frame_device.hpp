@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "protocols/frames/frame_description.hpp"
+#include "protocols/frames/frame_escape.hpp"
 #include "protocols/frames/message_layout.hpp"
 #include "protocols/protocol.hpp"
 #include "protocols/wire/frame_search.hpp"
@@ -21,9 +22,12 @@ struct FrameMessage {
   std::uint32_t line = 0;     // in the file
   Nanoseconds period = {};    // with the first sample of each period; 0: by the divider
   std::uint64_t divider = 1;  // with the samples of numbers phase + k * divider since the start
-  std::uint64_t phase = 0;
+  std::vector<std::uint64_t> phases = {0};
   std::shared_ptr<const MessageLayout> layout;
 };
+
+// Returns true if one sample may have both messages.
+bool may_coincide(const FrameMessage& a, const FrameMessage& b);
 
 // Returns the messages, compiled. Throws FrameFaults with every fault.
 std::vector<FrameMessage> frame_messages(const FrameDescription& description);
@@ -32,7 +36,7 @@ std::vector<FrameMessage> frame_messages(const FrameDescription& description);
 // message was last sent. The first sample after power on starts periods and dividers.
 class FrameDevice final : public Device {
  public:
-  FrameDevice(std::vector<FrameMessage> messages, const UartSettings& uart);
+  FrameDevice(std::vector<FrameMessage> messages, const FrameDescription& description, const UartSettings& uart);
 
   void power_on(DeviceTime now) noexcept override;
   void sample(const Sample& sample, FrameBuffer& out) noexcept override;
@@ -55,6 +59,10 @@ class FrameDevice final : public Device {
 
   std::vector<Scheduled> scheduled_;
   UartSettings uart_;
+  FrameDescription::Start starting_;
+  FrameEscape escape_;
+  std::vector<std::byte> content_;  // of a frame that is escaped
+  DeviceTime powered_ = {};
   std::optional<DeviceTime> start_;  // time of the first sample since power on
   std::uint64_t counter_ = 0;        // of the last sample
   std::int64_t samples_ = 0;         // since the start
@@ -62,13 +70,14 @@ class FrameDevice final : public Device {
 };
 
 // Finds the frames by their constants and checks, and collects the messages of a sample to a measurement. Messages
-// that are sent most often must all be there, in the order of the file; others may be missing. The measurement is
-// complete with the last message of the file, or when the next sample begins. A vector has its field set if all
+// that are sent most often must all be there, in the order of the file; others may be missing, and so may one whose
+// phases exclude a message that is there. The measurement is complete when no other message can belong to it, or when
+// the next sample begins. A vector has its field set if all
 // components that the messages carry are there; the others are 0. Clocks and counters go on where they begin again; a
 // stream without a counter of samples has its counter of messages.
 class FrameStreamDecoder final : public Decoder {
  public:
-  explicit FrameStreamDecoder(std::vector<FrameMessage> messages);
+  FrameStreamDecoder(std::vector<FrameMessage> messages, FrameEscape escape);
 
   void feed(const Frame& frame, MeasurementSink& sink) override;
   void finish(MeasurementSink& sink) override;
@@ -88,25 +97,28 @@ class FrameStreamDecoder final : public Decoder {
   struct Known {
     FrameMessage message;
     bool is_needed = false;
+    std::uint64_t partners = 0;  // bits of the messages that a sample may have beside it
   };
 
   std::size_t parse(std::span<const std::byte> held, MeasurementSink& sink);
+  void take_content(MeasurementSink& sink);
   bool accept(std::size_t index, std::span<const std::byte> frame, MeasurementSink& sink);
   void begin() noexcept;
   void end(MeasurementSink& sink);
   void choose_clocks();
 
   std::vector<Known> known_;
-  std::uint32_t components_ = 0;  // that all messages together carry
-  std::size_t needed_ = 0;        // messages that are sent most often
-  // Indices of the messages whose clock and counter are read.
-  std::optional<std::size_t> clock_, counter_, alive_counter_;
+  std::uint32_t components_ = 0;              // that all messages together carry
+  std::uint64_t clocks_ = 0, counters_ = 0;   // bits of the messages whose clock and counter are read
+  std::optional<std::size_t> alive_counter_;  // index of the one whose own counter is read
   Continued time_, count_;
 
   Search search_;
-  ReadBack set_;           // the sample that is being collected
-  std::size_t next_ = 0;   // index of the message that may follow
-  std::size_t found_ = 0;  // messages of it that are needed
+  FrameEscape escape_;
+  EscapeReader reader_;
+  ReadBack set_;                // the sample that is being collected
+  std::uint64_t found_ = 0;     // bits of its messages
+  std::uint64_t partners_ = 0;  // bits of the messages that may still belong to it
 };
 
 }  // namespace imud

@@ -58,6 +58,8 @@ void parse_field(FrameElement& element, std::string_view text, std::size_t colon
   if (element.has_carry && (is_counting(element.source) || element.number.is_float() || element.source.modulus != 0 ||
                             element.source.in.quantity->kind != MeasuredQuantity::Kind::number))
     refuse_element("only an integer that is rounded has a remainder to carry");
+  if (element.is_floor && (is_counting(element.source) || element.number.is_float() || element.has_carry))
+    refuse_element("only an integer that is rounded, and carries no remainder, is rounded down");
 }
 
 void parse_bits(FrameElement& element, std::string_view text, bool is_big) {
@@ -175,6 +177,8 @@ void parse(FrameElement& element, std::string_view text, bool is_big, std::span<
       ++orders;
     } else if (remove_suffix(text, " carry")) {
       element.has_carry = true;
+    } else if (remove_suffix(text, " floor")) {
+      element.is_floor = true;
     } else {
       break;
     }
@@ -188,6 +192,8 @@ void parse(FrameElement& element, std::string_view text, bool is_big, std::span<
   if (orders > 0 && (word == "pad" || word == "_")) refuse_element("bytes that are 0 have no byte order");
   if (element.has_carry && (word == "bits" || word == "length" || word == "check" || word == "pad" || word == "_"))
     refuse_element("only a field has a remainder to carry");
+  if (element.is_floor && (word == "bits" || word == "length" || word == "check" || word == "pad" || word == "_"))
+    refuse_element("only a field is rounded down");
   if (word == "_") {
     element.kind = FrameElement::Kind::unused;
     element.count = count_in(rest, "_: gives bytes that are not used,");

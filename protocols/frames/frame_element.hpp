@@ -30,8 +30,10 @@ struct FrameSource {
     constant,
     quantity,       // in `in`
     alive_counter,  // counts the message
-    status,         // 1 if one of `bits` is set in Sample::status
+    status,         // 1 if one of `bits` is set in Sample::status, or while the device is starting
   };
+  static constexpr std::uint32_t starting = 0;  // `bits` of the state of the device
+
   Kind kind = Kind::constant;
   MeasuredIn in = {};
   std::string unit = {};       // as written, for people: "deg_per_s"
@@ -62,6 +64,7 @@ struct FrameElement {
   FrameSource source;            // of a field
   double lsb = 1, offset = 0;    // of a field, in its unit
   bool has_carry = false;        // of a field
+  bool is_floor = false;         // of a field: rounded down
   std::vector<BitField> bit_fields;
   std::vector<Range> ranges;  // of a length (one) and of a check
   std::size_t divisor = 1;    // of a length: it counts pieces of so many bytes

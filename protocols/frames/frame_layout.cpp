@@ -13,6 +13,9 @@ namespace {
 
 using Format = FrameNumber::Format;
 
+// A number that is less than a whole one by so little, in LSBs, because its factors are not exact, is that one.
+constexpr double floor_margin = 1e-6;
+
 // Returns the rounded number, in two's complement. `x` is in [-2^63, 2^64).
 std::uint64_t rounded(double x) noexcept {
   return x >= 0x1p63 ? static_cast<std::uint64_t>(x) : static_cast<std::uint64_t>(to_integer(x));
@@ -47,11 +50,17 @@ std::uint64_t load(const FrameNumber& type, const std::byte* from) noexcept {
                      : boost::endian::little_to_native(ordered);
 }
 
+std::uint64_t repeated(std::byte byte) noexcept { return std::to_integer<std::uint64_t>(byte) * 0x0101010101010101U; }
+
 }  // namespace
+
+bool is_set(std::uint32_t bits, const Reading& reading, const MessageLayout::State& state) noexcept {
+  return bits == FrameSource::starting ? state.is_starting : (reading.sample.status & bits) != 0;
+}
 
 std::uint64_t FrameLayout::rounded_time(const Field& field, std::int64_t ns) const noexcept {
   const std::int64_t lsb = field.time_lsb_ns, rest = ns % lsb;
-  const bool is_up = rest >= lsb - rest, is_down = -rest > lsb + rest;
+  const bool is_up = !field.is_floor && rest >= lsb - rest, is_down = field.is_floor ? rest < 0 : -rest > lsb + rest;
   const std::int64_t ticks = ns / lsb + (is_up ? 1 : is_down ? -1 : 0);
   if (field.modulus == 0) return static_cast<std::uint64_t>(ticks);
   const auto period = static_cast<std::int64_t>(field.period);
@@ -59,7 +68,7 @@ std::uint64_t FrameLayout::rounded_time(const Field& field, std::int64_t ns) con
   return static_cast<std::uint64_t>(remainder < 0 ? remainder + period : remainder);
 }
 
-std::uint64_t FrameLayout::number_of(const Field& field, const Reading& reading, std::uint64_t count,
+std::uint64_t FrameLayout::number_of(const Field& field, const Reading& reading, const State& state,
                                      const FrameTestValues* given, std::span<double> carried,
                                      unsigned& saturated) const noexcept {
   const auto counted = [&field](std::uint64_t value) { return field.modulus != 0 ? value % field.period : value; };
@@ -67,9 +76,9 @@ std::uint64_t FrameLayout::number_of(const Field& field, const Reading& reading,
     case Source::constant:
       return 0;
     case Source::alive_counter:
-      return counted(count);
+      return counted(state.count);
     case Source::status:
-      return ((reading.sample.status & field.status_bits) != 0) != field.is_inverse ? 1 : 0;
+      return is_set(field.status_bits, reading, state) != field.is_inverse ? 1 : 0;
     case Source::quantity:
       break;
   }
@@ -90,7 +99,7 @@ std::uint64_t FrameLayout::number_of(const Field& field, const Reading& reading,
   double x = si / field.lsb + field.fraction;
   if (field.modulus != 0) {
     // A value that rounds to the modulus becomes 0.
-    const double half = field.number.is_float() ? 0 : 0.5 * std::abs(field.scale);
+    const double half = (field.number.is_float() ? 0 : field.is_floor ? floor_margin : 0.5) * std::abs(field.scale);
     double value = (si - field.zero) / field.factor;
     value -= field.modulus * std::floor((value + half) / field.modulus);
     x = (value - field.bias) / field.scale - field.whole;
@@ -102,7 +111,7 @@ std::uint64_t FrameLayout::number_of(const Field& field, const Reading& reading,
   if (!(x >= lowest - margin && x <= highest + margin)) ++saturated;
   if (field.number.format == Format::float32) return std::bit_cast<std::uint32_t>(to_float(limited + field.whole));
   if (field.number.format == Format::float64) return std::bit_cast<std::uint64_t>(limited + field.whole);
-  const std::uint64_t number = rounded(limited);
+  const std::uint64_t number = rounded(field.is_floor ? std::floor(limited + floor_margin) : limited);
   if (field.carry) {
     const double sent = limited >= 0x1p63 ? limited : static_cast<double>(static_cast<std::int64_t>(number));
     carried[*field.carry] = limited - sent;
@@ -110,12 +119,14 @@ std::uint64_t FrameLayout::number_of(const Field& field, const Reading& reading,
   return number + static_cast<std::uint64_t>(static_cast<std::int64_t>(field.whole));
 }
 
-unsigned FrameLayout::write(const Reading& reading, std::uint64_t count, const FrameTestValues* given,
+unsigned FrameLayout::write(const Reading& reading, const State& state, const FrameTestValues* given,
                             std::span<double> carried, std::span<std::byte> frame) const noexcept {
   std::memcpy(frame.data(), template_.data(), template_.size());
   unsigned saturated = 0;
   for (const Field& field : fields_) {
-    std::uint64_t bits = number_of(field, reading, count, given, carried, saturated);
+    const bool has_pattern = state.is_starting && field.is_inertial && pattern_ != std::byte{0};
+    std::uint64_t bits =
+        has_pattern ? repeated(pattern_) : number_of(field, reading, state, given, carried, saturated);
     std::byte* const to = frame.data() + field.offset;
     if (field.width != 8 * field.number.bytes)
       bits = load(field.number, to) | (bits & low_bits(field.width)) << field.low;

@@ -29,9 +29,9 @@ class FrameLayout final : public MessageLayout {
   bool has_increments() const noexcept override { return has_increments_; }
   std::size_t carries() const noexcept override { return carries_; }
   std::uint32_t components() const noexcept override { return components_; }
-  Encoded encode(const Reading& reading, std::uint64_t count, std::span<double> carried,
+  Encoded encode(const Reading& reading, const State& state, std::span<double> carried,
                  std::span<std::byte> frame) const noexcept override {
-    return {size(), write(reading, count, nullptr, carried, frame)};
+    return {size(), write(reading, state, nullptr, carried, frame)};
   }
   Found match(std::span<const std::byte> held) const noexcept override;
   std::int64_t time_lsb_ns() const noexcept override { return clock_ ? fields_[*clock_].time_lsb_ns : 1; }
@@ -57,6 +57,8 @@ class FrameLayout final : public MessageLayout {
     // With a modulus: number = (value in the unit, less the modulus as often as it fits, - bias) / scale.
     double modulus = 0, factor = 1, zero = 0, scale = 1, bias = 0;
     std::optional<std::size_t> carry;  // index in the remainders
+    bool is_floor = false;             // rounded down
+    bool is_inertial = false;          // a rate, specific force or increment
   };
   struct Check {
     FrameCheck check;
@@ -71,9 +73,9 @@ class FrameLayout final : public MessageLayout {
 
   // Writes the frame; `given`, if not nullptr, has the values of quantities that are real numbers, in place of the
   // Reading's. Returns the number of fields that saturate.
-  unsigned write(const Reading& reading, std::uint64_t count, const FrameTestValues* given, std::span<double> carried,
+  unsigned write(const Reading& reading, const State& state, const FrameTestValues* given, std::span<double> carried,
                  std::span<std::byte> frame) const noexcept;
-  std::uint64_t number_of(const Field& field, const Reading& reading, std::uint64_t count,
+  std::uint64_t number_of(const Field& field, const Reading& reading, const State& state,
                           const FrameTestValues* given, std::span<double> carried,
                           unsigned& saturated) const noexcept;
   std::uint64_t rounded_time(const Field& field, std::int64_t ns) const noexcept;
@@ -85,6 +87,7 @@ class FrameLayout final : public MessageLayout {
   std::vector<std::byte> constant_;  // the bits that are constant are 1
   std::vector<Field> fields_;
   std::vector<Check> checks_;  // a check whose range contains another one follows it
+  std::byte pattern_{};        // while starting, in place of inertial fields; 0: none
   bool has_increments_ = false;
   std::size_t carries_ = 0;
   std::uint32_t components_ = 0;

@@ -66,6 +66,7 @@ void FrameLayout::Compiler::make_rows() {
         if (element.offset != 0)
           row.name += (element.offset < 0 ? ", - " : ", + ") + shortest(std::abs(element.offset));
         if (element.has_carry) row.name += ", with its remainder carried";
+        if (element.is_floor) row.name += ", rounded down";
         row.lsb = element.number.is_float() && element.lsb == 1 ? "" : shortest(element.lsb);
         break;
       case Kind::check:
@@ -91,7 +92,8 @@ void FrameLayout::Compiler::give(const FrameDescription::Value& value, FrameTest
   const FrameSource source = test_source(value.name);
   const bool is_carried = std::ranges::any_of(out_.fields_, [&source](const Field& field) {
     return field.source == source.kind && field.quantity == source.in.quantity &&
-           (source.kind != Source::status || (field.status_bits & source.bits) != 0);
+           (source.kind != Source::status || field.status_bits == source.bits ||
+            (field.status_bits & source.bits) != 0);
   });
   if (!is_carried) {
     std::vector<std::string_view> names;
@@ -156,7 +158,7 @@ void FrameLayout::Compiler::test() {
   }
   std::vector<std::byte> got(out_.size());
   std::vector<double> carried(out_.carries_);
-  const unsigned saturated = out_.write({given.sample}, given.count, &given, carried, got);
+  const unsigned saturated = out_.write({given.sample}, given.state, &given, carried, got);
   if (got != *wanted)
     fault(line, "test_frame", difference(got, *wanted));
   else if (saturated > 0)

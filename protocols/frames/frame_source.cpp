@@ -28,6 +28,7 @@ constexpr StatusName status_names[] = {
     {"not_valid", status::not_valid},
     {"at_rest", status::at_rest},
     {"self_test_failed", status::self_test_failed},
+    {"starting", FrameSource::starting},
 };
 
 }  // namespace

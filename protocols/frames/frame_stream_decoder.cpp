@@ -1,27 +1,48 @@
 #include <algorithm>
+#include <iterator>
+#include <numeric>
 
 #include "protocols/frames/frame_device.hpp"
+#include "protocols/frames/frame_layout.hpp"
 
 namespace imud {
 namespace {
 
-// Samples between two messages, or the share of a second.
 bool is_more_frequent(const FrameMessage& a, const FrameMessage& b) {
   if (a.period.count() != 0 && b.period.count() != 0) return a.period < b.period;
   if (a.period.count() != 0 || b.period.count() != 0) return b.period.count() != 0;
-  return a.divider < b.divider;
+  return a.phases.size() * b.divider > b.phases.size() * a.divider;
 }
+
+constexpr std::uint64_t bit(std::size_t index) noexcept { return std::uint64_t{1} << index; }
 
 }  // namespace
 
-FrameStreamDecoder::FrameStreamDecoder(std::vector<FrameMessage> messages) {
+bool may_coincide(const FrameMessage& a, const FrameMessage& b) {
+  if (a.period.count() != 0 || b.period.count() != 0) return true;
+  // There is a number that has both remainders if they are the same modulo the common divisor.
+  const std::uint64_t common = std::gcd(a.divider, b.divider);
+  const auto remainders = [common](std::vector<std::uint64_t> phases) {
+    for (std::uint64_t& phase : phases) phase %= common;
+    std::ranges::sort(phases);
+    return phases;
+  };
+  const std::vector<std::uint64_t> of_a = remainders(a.phases), of_b = remainders(b.phases);
+  std::vector<std::uint64_t> both;
+  std::ranges::set_intersection(of_a, of_b, std::back_inserter(both));
+  return !both.empty();
+}
+
+FrameStreamDecoder::FrameStreamDecoder(std::vector<FrameMessage> messages, FrameEscape escape)
+    : escape_(escape), reader_(escape) {
   const auto most = std::ranges::min_element(messages, is_more_frequent);
   for (const FrameMessage& message : messages) {
-    const bool is_needed = !is_more_frequent(*most, message);
     components_ |= message.layout->components();
-    needed_ += is_needed;
-    known_.push_back({message, is_needed});
+    known_.push_back({message, !is_more_frequent(*most, message)});
+    for (std::size_t i = 0; i < messages.size(); ++i)
+      if (&messages[i] != &message && may_coincide(message, messages[i])) known_.back().partners |= bit(i);
   }
+  begin();
   choose_clocks();
 }
 
@@ -40,9 +61,23 @@ void FrameStreamDecoder::choose_clocks() {
       best = std::max(best, round);
     }
   };
-  choose(clock_, &MessageLayout::Decoded::time);
-  choose(counter_, &MessageLayout::Decoded::counter);
-  if (!counter_) choose(alive_counter_, &MessageLayout::Decoded::alive_counter);
+  std::optional<std::size_t> clock, counter;
+  choose(clock, &MessageLayout::Decoded::time);
+  choose(counter, &MessageLayout::Decoded::counter);
+  if (!counter) choose(alive_counter_, &MessageLayout::Decoded::alive_counter);
+  // Others that have the same clock or counter are read, too.
+  for (std::size_t i = 0; i < known_.size(); ++i) {
+    const MessageLayout& layout = *known_[i].message.layout;
+    const MessageLayout::Decoded has = layout.wrapping();
+    const auto is_like = [&](const std::optional<std::size_t>& chosen,
+                             std::optional<Wrapping> MessageLayout::Decoded::*part) {
+      if (!chosen || !(has.*part)) return false;
+      const MessageLayout& like = *known_[*chosen].message.layout;
+      return (has.*part)->period == (like.wrapping().*part)->period && layout.time_lsb_ns() == like.time_lsb_ns();
+    };
+    if (is_like(clock, &MessageLayout::Decoded::time)) clocks_ |= bit(i);
+    if (is_like(counter, &MessageLayout::Decoded::counter)) counters_ |= bit(i);
+  }
 }
 
 std::uint64_t FrameStreamDecoder::Continued::next(const Wrapping& read, bool may_go_back) noexcept {
@@ -57,13 +92,16 @@ std::uint64_t FrameStreamDecoder::Continued::next(const Wrapping& read, bool may
 }
 
 void FrameStreamDecoder::begin() noexcept {
-  next_ = found_ = 0;
+  found_ = 0;
+  partners_ = low_bits(static_cast<unsigned>(known_.size()));
   set_ = {};
 }
 
 void FrameStreamDecoder::end(MeasurementSink& sink) {
-  if (next_ == 0) return;
-  if (found_ < needed_) {
+  if (found_ == 0) return;
+  for (std::size_t i = 0; i < known_.size(); ++i) {
+    const bool is_missing = known_[i].is_needed && (found_ & bit(i)) == 0 && (found_ & ~known_[i].partners) == 0;
+    if (!is_missing) continue;
     ++errors_.incomplete;
     return begin();
   }
@@ -79,28 +117,28 @@ void FrameStreamDecoder::end(MeasurementSink& sink) {
 
 bool FrameStreamDecoder::accept(std::size_t index, std::span<const std::byte> frame, MeasurementSink& sink) {
   const MessageLayout& layout = *known_[index].message.layout;
-  const bool begins_sample = index < next_;
+  const bool begins_sample = (partners_ & bit(index)) == 0;
   ReadBack read = begins_sample ? ReadBack() : set_;
   const auto decoded = layout.decode(frame, read);
   if (!decoded) return false;
   if (begins_sample) end(sink);
   set_ = read;
-  next_ = index + 1;
-  found_ += known_[index].is_needed;
+  found_ |= bit(index);
+  partners_ &= known_[index].partners & ~low_bits(static_cast<unsigned>(index + 1));
   Sample& sample = set_.measurement.sample;
   const auto count = [&](const std::optional<Wrapping>& read_counter) {
     constexpr std::uint64_t short_round = 0x10000;  // a loss is more probable than a restart
     sample.counter = count_.next(*read_counter, read_counter->period > short_round);
     set_.measurement.fields |= Measurement::counter;
   };
-  if (index == counter_) count(decoded->counter);
+  if ((counters_ & bit(index)) != 0) count(decoded->counter);
   if (index == alive_counter_) count(decoded->alive_counter);
-  if (index == clock_) {
+  if ((clocks_ & bit(index)) != 0) {
     const std::uint64_t ticks = time_.next(*decoded->time, true);
     sample.time.ns = static_cast<std::int64_t>(ticks * static_cast<std::uint64_t>(layout.time_lsb_ns()));
     set_.measurement.fields |= Measurement::time;
   }
-  if (next_ == known_.size()) end(sink);
+  if (partners_ == 0) end(sink);
   return true;
 }
 
@@ -121,13 +159,33 @@ std::size_t FrameStreamDecoder::parse(std::span<const std::byte> held, Measureme
   return Search::reject;
 }
 
+// Processes a frame whose escapes are removed: it is one whole message.
+void FrameStreamDecoder::take_content(MeasurementSink& sink) {
+  const std::span<const std::byte> content = reader_.content();
+  bool has_wrong_check = false;
+  for (std::size_t i = 0; i < known_.size(); ++i) {
+    const auto [match, size] = known_[i].message.layout->match(content);
+    has_wrong_check |= match == MessageLayout::Match::wrong_check;
+    if (match == MessageLayout::Match::yes && size == content.size() && accept(i, content, sink)) return;
+  }
+  ++(has_wrong_check ? errors_.checksum : errors_.malformed);
+  errors_.skipped_bytes += content.size();
+}
+
 void FrameStreamDecoder::feed(const Frame& frame, MeasurementSink& sink) {
-  errors_.skipped_bytes +=
-      search_.feed(frame.bytes, [&](std::span<const std::byte> held) { return parse(held, sink); });
+  if (escape_ == FrameEscape::none) {
+    errors_.skipped_bytes +=
+        search_.feed(frame.bytes, [&](std::span<const std::byte> held) { return parse(held, sink); });
+    return;
+  }
+  for (const std::byte byte : frame.bytes)
+    if (reader_.take(byte)) take_content(sink);
+  errors_.skipped_bytes += reader_.take_skipped();
 }
 
 void FrameStreamDecoder::finish(MeasurementSink& sink) {
-  errors_.skipped_bytes += search_.finish();
+  reader_.finish();
+  errors_.skipped_bytes += search_.finish() + reader_.take_skipped();
   end(sink);
 }
 

@@ -25,7 +25,9 @@ void FrameTestValues::add(const FrameSource& source, double value) {
   else if (quantity != nullptr)
     sample.status = static_cast<std::uint32_t>(whole);
   else if (source.kind == FrameSource::Kind::alive_counter)
-    count = whole;
+    state.count = whole;
+  else if (source.bits == FrameSource::starting)
+    state.is_starting = whole != 0;
   else
     sample.status = whole != 0 ? sample.status | source.bits : sample.status & ~source.bits;
 }

@@ -11,12 +11,13 @@
 
 #include "core/sample.hpp"
 #include "protocols/frames/frame_element.hpp"
+#include "protocols/frames/message_layout.hpp"
 
 namespace imud {
 
 struct FrameTestValues {
-  Sample sample;                                                      // clock, counter and status
-  std::uint64_t count = 0;                                            // of the message
+  Sample sample;  // clock, counter and status
+  MessageLayout::State state;
   std::vector<std::pair<const MeasuredQuantity*, double>> numbers{};  // SI
 
   // Adds the value of a source. Throws std::invalid_argument if the source cannot have it.

@@ -26,14 +26,19 @@ class MessageLayout {
   // The components that the message carries, as in ReadBack.
   virtual std::uint32_t components() const noexcept = 0;
 
+  // The state of the device that a frame shows beside the sample.
+  struct State {
+    std::uint64_t count = 0;   // messages of this kind that were sent before
+    bool is_starting = false;  // the device has not had power for FrameDescription::Start::until
+  };
   struct Encoded {
     std::size_t size = 0;    // bytes of the frame
     unsigned saturated = 0;  // fields that saturate: by more than half their LSB
   };
-  // Writes the message number `count` to the beginning of `frame`, of longest() bytes. `carried` are the remainders
+  // Writes a message to the beginning of `frame`, of longest() bytes. `carried` are the remainders
   // of the message, of carries() numbers that are 0 at first. Values saturate and are rounded to nearest, a half away
   // from zero; the low bits of clocks, counters and status are sent.
-  virtual Encoded encode(const Reading& reading, std::uint64_t count, std::span<double> carried,
+  virtual Encoded encode(const Reading& reading, const State& state, std::span<double> carried,
                          std::span<std::byte> frame) const noexcept = 0;
 
   enum class Match : std::uint8_t { no, unfinished, wrong_check, yes };
@@ -72,5 +77,8 @@ class MessageLayout {
   MessageLayout(const MessageLayout&) = default;
   MessageLayout& operator=(const MessageLayout&) = default;
 };
+
+// Returns the value of a bit of the status, or of FrameSource::starting.
+bool is_set(std::uint32_t bits, const Reading& reading, const MessageLayout::State& state) noexcept;
 
 }  // namespace imud

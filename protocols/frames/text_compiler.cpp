@@ -17,7 +17,7 @@ std::string shortest(double number) {
   return {text, write_shortest(text, number)};
 }
 
-// Returns the characters, with those that are not seen written as in TOML.
+// Returns the characters; line ends and tabs are written as in TOML.
 std::string visible(std::string_view text) {
   std::string out;
   for (const char c : text) {
@@ -95,18 +95,19 @@ void TextLayout::Compiler::resolve(std::size_t index) {
 void TextLayout::Compiler::check_ends() const {
   if (std::ranges::none_of(out_.pieces_, [](const TextPiece& one) { return one.kind == Kind::literal; }))
     refuse_element("a decoder cannot find the line: give at least one constant character");
-  const TextPiece* open = nullptr;  // a number whose end is not known yet
-  for (const TextPiece& piece : out_.pieces_) {
-    if (piece.kind == Kind::label) continue;
-    if (open != nullptr && (piece.kind != Kind::literal || open->format.may_have(piece.text.front())))
-      refuse_element("a decoder cannot find the end of {" + open->text +
-                     "}: let a character follow that no number has, or fill it up with zeros, as in 08.3f");
-    const bool is_open = piece.kind == Kind::field && !piece.format.chosen("") &&
-                         (piece.fixed_size() == 0 || piece.format.may_be_empty());
-    open = is_open ? &piece : nullptr;
+  for (std::size_t i = 0; i < out_.pieces_.size(); ++i) {
+    const TextPiece& piece = out_.pieces_[i];
+    const TextPiece* next = out_.next(i);
+    if (piece.kind != Kind::field || (next != nullptr && out_.is_closed_by(piece, *next))) continue;
+    const bool is_choice = piece.format.chosen("").has_value();
+    const bool may_be_left_out = piece.format.may_be_empty();
+    const bool next_may = next != nullptr && next->kind == Kind::field && next->format.may_be_empty();
+    if ((is_choice || piece.fixed_size() > 0) && (!may_be_left_out || next_may)) continue;
+    refuse_element("a decoder cannot find the end of {" + piece.text +
+                   (next == nullptr ? "}: let a character follow, such as \\n"
+                                    : "}: let a character follow that no number has, or fill it up with zeros, as in "
+                                      "08.3f"));
   }
-  if (open != nullptr)
-    refuse_element("a decoder cannot find the end of {" + open->text + "}: let a character follow, such as \\n");
 }
 
 void TextLayout::Compiler::find_read_back() {
@@ -172,7 +173,7 @@ void TextLayout::Compiler::give(const FrameDescription::Value& value, FrameTestV
     if (piece.kind != Kind::field) continue;
     names.push_back(piece.text);
     if (piece.source.kind == source.kind && piece.source.in.quantity == source.in.quantity &&
-        (source.kind != Source::status || (piece.source.bits & source.bits) != 0))
+        (source.kind != Source::status || piece.source.bits == source.bits || (piece.source.bits & source.bits) != 0))
       return given.add(source, value.value);
   }
   refuse_test_value(names);
@@ -197,7 +198,7 @@ void TextLayout::Compiler::test(std::vector<FrameFault>& faults) const {
   const auto& [wanted, line] = *message_.test_frame;
   std::vector<std::byte> frame(out_.longest_);
   Places places;
-  const auto [size, saturated] = out_.write({given.sample}, given.count, &given, places, frame);
+  const auto [size, saturated] = out_.write({given.sample}, given.state, &given, places, frame);
   const std::string got(reinterpret_cast<const char*>(frame.data()), size);
   if (got == wanted) {
     if (saturated > 0) fault(line, "test_values", "a value exceeds its format");

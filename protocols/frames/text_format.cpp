@@ -155,9 +155,9 @@ double TextFormat::step() const noexcept {
 
 std::optional<std::size_t> TextFormat::chosen(std::string_view text) const noexcept {
   if (kind_ != Kind::choice) return std::nullopt;
-  for (const std::string* one : {&above_, &otherwise_}) {
-    const std::size_t size = std::min(one->size(), text.size());
-    if (text.substr(0, size) == one->substr(0, size)) return size;
+  for (const std::string_view one : {std::string_view(above_), std::string_view(otherwise_)}) {
+    const std::size_t size = std::min(one.size(), text.size());
+    if (text.substr(0, size) == one.substr(0, size)) return size;
   }
   return std::nullopt;
 }

@@ -28,7 +28,7 @@ class TextFormat {
   // Reads a format from the beginning of the text, and removes it. Throws std::invalid_argument.
   static TextFormat take(std::string_view& text);
 
-  // The unit in which the number is given: that of its name, or seconds of the day, or degrees.
+  // The unit in which the number is given: the unit in its name, seconds of the day, or degrees.
   enum class Value : std::uint8_t { named, seconds, degrees };
   Value value() const noexcept;
   // Returns the characters of every text, but of numbers that do not fit into their zeros; 0 if they vary.

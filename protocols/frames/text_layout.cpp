@@ -41,9 +41,10 @@ std::optional<std::uint64_t> integer_of(const TextPiece& piece, const Reading& r
 }
 
 // Returns the number of a field in its unit and LSB.
-double number_of(const TextPiece& piece, const Reading& reading, const FrameTestValues* given) noexcept {
+double number_of(const TextPiece& piece, const Reading& reading, const MessageLayout::State& state,
+                 const FrameTestValues* given) noexcept {
   const FrameSource& source = piece.source;
-  if (source.kind == Source::status) return ((reading.sample.status & source.bits) != 0) != source.is_inverse ? 1 : 0;
+  if (source.kind == Source::status) return is_set(source.bits, reading, state) != source.is_inverse ? 1 : 0;
   const MeasuredIn& in = source.in;
   const double si = in.quantity->kind == MeasuredQuantity::Kind::time
                         ? 1e-9 * static_cast<double>(reading.sample.time.ns)
@@ -70,12 +71,12 @@ bool is_left_out(const TextPiece& piece, const Reading& reading, const FrameTest
 
 }  // namespace
 
-std::size_t TextLayout::write_field(const TextPiece& piece, const Reading& reading, std::uint64_t count,
+std::size_t TextLayout::write_field(const TextPiece& piece, const Reading& reading, const State& state,
                                     const FrameTestValues* given, char* out, unsigned& saturated) const noexcept {
   if (is_left_out(piece, reading, given)) return 0;
-  if (const auto integer = integer_of(piece, reading, count)) return piece.format.write(*integer, out);
+  if (const auto integer = integer_of(piece, reading, state.count)) return piece.format.write(*integer, out);
   bool is_saturated = false;
-  const std::size_t size = piece.format.write(number_of(piece, reading, given), out, is_saturated);
+  const std::size_t size = piece.format.write(number_of(piece, reading, state, given), out, is_saturated);
   saturated += is_saturated;
   return size;
 }
@@ -95,7 +96,7 @@ std::size_t TextLayout::write_check(const TextPiece& piece, std::span<const std:
   return size;
 }
 
-TextLayout::Encoded TextLayout::write(const Reading& reading, std::uint64_t count, const FrameTestValues* given,
+TextLayout::Encoded TextLayout::write(const Reading& reading, const State& state, const FrameTestValues* given,
                                       Places& places, std::span<std::byte> frame) const noexcept {
   Encoded encoded;
   for (std::size_t i = 0; i < pieces_.size(); ++i) {
@@ -105,7 +106,7 @@ TextLayout::Encoded TextLayout::write(const Reading& reading, std::uint64_t coun
     if (piece.kind == Kind::literal)
       encoded.size += piece.text.copy(out, piece.text.size());
     else if (piece.kind == Kind::field)
-      encoded.size += write_field(piece, reading, count, given, out, encoded.saturated);
+      encoded.size += write_field(piece, reading, state, given, out, encoded.saturated);
     else if (piece.kind == Kind::check)
       encoded.size += write_check(piece, frame, places, out);
   }
@@ -113,24 +114,29 @@ TextLayout::Encoded TextLayout::write(const Reading& reading, std::uint64_t coun
   return encoded;
 }
 
-TextLayout::Encoded TextLayout::encode(const Reading& reading, std::uint64_t count, std::span<double>,
+TextLayout::Encoded TextLayout::encode(const Reading& reading, const State& state, std::span<double>,
                                        std::span<std::byte> frame) const noexcept {
   Places places;
-  return write(reading, count, nullptr, places, frame);
+  return write(reading, state, nullptr, places, frame);
+}
+
+const TextPiece* TextLayout::next(std::size_t index) const noexcept {
+  while (++index < pieces_.size())
+    if (pieces_[index].kind != Kind::label) return &pieces_[index];
+  return nullptr;
 }
 
 // Returns the end of the field that begins at `begin`.
 std::size_t TextLayout::field_end(std::size_t index, std::string_view held, std::size_t begin) const noexcept {
   const TextFormat& format = pieces_[index].format;
   const std::string_view text = held.substr(begin);
-  const auto next = std::ranges::find_if(pieces_.begin() + static_cast<std::ptrdiff_t>(index) + 1, pieces_.end(),
-                                         [](const TextPiece& one) { return one.kind != Kind::label; });
-  const bool is_closed = next != pieces_.end() && next->kind == Kind::literal && !format.may_have(next->text.front());
+  const TextPiece* after = next(index);
   std::size_t size = 0;
   if (const auto chosen = format.chosen(text)) {
     size = *chosen;
-  } else if (!is_closed) {
-    size = pieces_[index].fixed_size();
+  } else if (after == nullptr || !is_closed_by(pieces_[index], *after)) {
+    if (text.empty()) return unfinished;
+    size = format.may_be_empty() && !format.may_have(text.front()) ? 0 : pieces_[index].fixed_size();
   } else {
     while (size < text.size() && size <= format.longest() && format.may_have(text[size])) ++size;
     if (size == text.size() && size <= format.longest()) return unfinished;
@@ -154,7 +160,7 @@ TextLayout::Match TextLayout::find(std::string_view held, Places& places) const 
     } else if (piece.kind == Kind::literal) {
       size = piece.text.size();
       const std::string_view there = held.substr(at, size);
-      if (there != piece.text.substr(0, there.size())) return Match::no;
+      if (there != std::string_view(piece.text).substr(0, there.size())) return Match::no;
     } else if (piece.kind == Kind::check) {
       size = 2 * piece.check->size();
     }

@@ -25,7 +25,7 @@ class TextLayout final : public MessageLayout {
   bool has_increments() const noexcept override { return has_increments_; }
   std::size_t carries() const noexcept override { return 0; }
   std::uint32_t components() const noexcept override { return components_; }
-  Encoded encode(const Reading& reading, std::uint64_t count, std::span<double> carried,
+  Encoded encode(const Reading& reading, const State& state, std::span<double> carried,
                  std::span<std::byte> frame) const noexcept override;
   Found match(std::span<const std::byte> held) const noexcept override;
   std::int64_t time_lsb_ns() const noexcept override { return time_lsb_ns_; }
@@ -38,12 +38,18 @@ class TextLayout final : public MessageLayout {
   using Places = std::array<std::uint16_t, most_pieces + 1>;
   class Compiler;
 
-  Encoded write(const Reading& reading, std::uint64_t count, const FrameTestValues* given, Places& places,
+  Encoded write(const Reading& reading, const State& state, const FrameTestValues* given, Places& places,
                 std::span<std::byte> frame) const noexcept;
-  std::size_t write_field(const TextPiece& piece, const Reading& reading, std::uint64_t count,
+  std::size_t write_field(const TextPiece& piece, const Reading& reading, const State& state,
                           const FrameTestValues* given, char* out, unsigned& saturated) const noexcept;
   std::size_t write_check(const TextPiece& piece, std::span<const std::byte> frame, const Places& places,
                           char* out) const noexcept;
+  // Returns the piece that follows, without labels; nullptr if there is none.
+  const TextPiece* next(std::size_t index) const noexcept;
+  // Returns true if a field ends where `next` begins, because no text of it has the first character of `next`.
+  static bool is_closed_by(const TextPiece& field, const TextPiece& next) noexcept {
+    return next.kind == TextPiece::Kind::literal && !field.format.may_have(next.text.front());
+  }
   Match find(std::string_view held, Places& places) const noexcept;
   std::size_t field_end(std::size_t index, std::string_view held, std::size_t begin) const noexcept;
   bool read_field(std::size_t index, std::string_view text, ReadBack& read, Decoded& decoded) const noexcept;

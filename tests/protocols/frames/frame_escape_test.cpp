@@ -102,5 +102,25 @@ TEST(FrameEscapes, FramesThatAreTooLongAreSkipped) {
   }
 }
 
+TEST(FrameEscapes, ADescriptionHasOne) {
+  int descriptions = 0;
+  for (const char* name : {"slip", "hdlc", "dle", "cobs"}) {
+    Line line = frame_line("escape = \"" + std::string(name) + "\"\n" +
+                           one_message("@b\n41\nsample_counter:u32\nrate_x_deg_per_s:i16\ncheck:xor8:@b.."));
+    Recording recording;
+    for (std::uint64_t k = 0; k < 1000; ++k) {
+      Sample sample;
+      sample.counter = 0x7D7E10C0DB - 500 + k;
+      for (const Frame& frame : line.encode(sample)) line.decoder->feed(frame, recording);
+    }
+    line.decoder->finish(recording);
+    ASSERT_EQ(recording.measurements.size(), 1000U) << name;
+    EXPECT_EQ(recording.measurements.back().sample.counter & 0xFFFFFFFF, (0x7D7E10C0DBU + 499U) & 0xFFFFFFFFU);
+    EXPECT_EQ(line.decoder->errors().skipped_bytes + line.decoder->errors().malformed, 0U) << name;
+    ++descriptions;
+  }
+  EXPECT_EQ(descriptions, 4);
+}
+
 }  // namespace
 }  // namespace imud

@@ -69,6 +69,25 @@ TEST(FrameLayout, TimesWrapByTypeOrModulus) {
   EXPECT_EQ(encoded("A5\ntime_s:f32 be"), hex_bytes("A5 3F 80 13 A9"));
 }
 
+// Seconds and the rest in fields of their own.
+TEST(FrameLayout, NumbersAreRoundedDown) {
+  EXPECT_EQ(encoded("A5\ntime_s:u8 floor\ntime_us%1000000:u24 be floor"), hex_bytes("A5 01 00 02 58"));
+  EXPECT_EQ(encoded("A5\nrate_y_deg_per_s:i8*3 floor\nrate_x_deg_per_s:i8*4 floor"), hex_bytes("A5 F9 02"));
+  Line line = frame_line(one_message("A5\ntime_of_day_s:u32 be floor\ntime_of_day_ms%1000:u16 be floor"));
+  Sample sample = example_sample();
+  int compared = 0;
+  for (std::int64_t ns = 0; ns < 3'000'000'000; ns += 1'000'001, ++compared) {
+    sample.navigation = {.is_known = true, .gps_ns = 1'440'000'018'000'000'000 + ns};
+    const std::vector<std::byte> bytes = bytes_of(line, sample);
+    const auto seconds = static_cast<std::uint32_t>(57'600 + ns / 1'000'000'000);
+    const auto rest = static_cast<std::uint32_t>(ns / 1'000'000 % 1000);
+    ASSERT_EQ(bytes[4], static_cast<std::byte>(seconds)) << ns;
+    ASSERT_EQ(bytes[5], static_cast<std::byte>(rest >> 8)) << ns;
+    ASSERT_EQ(bytes[6], static_cast<std::byte>(rest)) << ns;
+  }
+  EXPECT_EQ(compared, 3000);
+}
+
 TEST(FrameLayout, AHeadingHasNoModulus) {
   Line line = frame_line(one_message("A5\nyaw_deg%360:u16*0.01 be"));
   Sample sample;

@@ -53,6 +53,94 @@ TEST(FrameSchedule, MessagesAreSentByDividerPhaseAndRate) {
   EXPECT_EQ(kinds(line, 111, 2), "1 12 ");
 }
 
+// A fixed sequence: five messages of one kind and one of another, as the HG4930 sends.
+TEST(FrameSchedule, PhasesMakeASequence) {
+  constexpr std::string_view text = R"(
+frame_version = 1
+name = "sequence"
+[[message]]
+name = "control"
+divider = 6
+phase = [0, 1, 2, 3, 4]
+layout = ["F1", "rate_x_deg_per_s:f32", "sample_counter:u8", "alive_counter:u8"]
+[[message]]
+name = "inertial"
+divider = 6
+phase = 5
+layout = ["F2", "delta_angle_x_rad:f64", "sample_counter:u8", "alive_counter:u8"]
+)";
+  Line line = frame_line(text);
+  EXPECT_EQ(kinds(line, 0, 14), "1 1 1 1 1 2 1 1 1 1 1 2 1 1 ");
+  line.device->power_on({});
+  Recording recording;
+  std::vector<int> alive;
+  double sum = 0, sums = 0;
+  for (std::uint64_t k = 0; k < 60; ++k) {
+    sum += 0.5 * static_cast<double>(k);
+    for (const Frame& frame : line.encode(nth(k))) {
+      alive.push_back(std::to_integer<int>(frame.bytes.back()));
+      line.decoder->feed(frame, recording);
+    }
+    if (k % 6 == 5) sums += std::exchange(sum, 0);
+  }
+  EXPECT_EQ(alive[16], 14);  // the number of control messages before
+  EXPECT_EQ(alive[17], 2);
+  ASSERT_EQ(recording.measurements.size(), 60U);  // each with its message, without waiting for the next one
+  EXPECT_EQ(line.decoder->errors().incomplete, 0U);
+  double found = 0;
+  for (std::uint64_t k = 0; k < 60; ++k) {
+    const Measurement& measurement = recording.measurements[k];
+    EXPECT_EQ(measurement.sample.counter, k);
+    const bool is_inertial = k % 6 == 5;
+    EXPECT_EQ((measurement.fields & Measurement::rate) != 0, !is_inertial) << k;
+    EXPECT_EQ((measurement.fields & Measurement::delta_angle) != 0, is_inertial) << k;
+    if (is_inertial) found += measurement.sample.delta_angle.x();
+  }
+  EXPECT_EQ(found, sums);
+}
+
+TEST(FrameSchedule, MessagesCoincideByTheirPhases) {
+  const auto message = [](std::uint64_t divider, std::vector<std::uint64_t> phases) {
+    FrameMessage one;
+    one.divider = divider;
+    one.phases = std::move(phases);
+    return one;
+  };
+  EXPECT_TRUE(may_coincide(message(1, {0}), message(7, {3})));
+  EXPECT_FALSE(may_coincide(message(2, {0}), message(4, {1, 3})));
+  EXPECT_TRUE(may_coincide(message(4, {1}), message(6, {3})));   // 9, 21, ...
+  EXPECT_FALSE(may_coincide(message(4, {1}), message(6, {2})));  // an odd and an even number
+  EXPECT_TRUE(may_coincide(message(3, {1}), message(5, {4})));   // 4, 19, ...
+}
+
+TEST(FrameSchedule, ADeviceStartsUp) {
+  Line line =
+      frame_line("start = {silent_s = 0.3, until_s = 0.4, pattern = 0x55}\n" +
+                 one_message("A5\nrate_x_deg_per_s:i16*0.01\ntemperature_c:i8\nbits:u8:0=starting,7=!starting"));
+  const auto at = [](std::int64_t ms) {
+    Sample sample = nth(0);
+    sample.time.ns = ms * 1'000'000;
+    sample.counter = static_cast<std::uint64_t>(ms);
+    return sample;
+  };
+  const auto pattern = hex_bytes("A5 55 55 14 01"), good = hex_bytes("A5 64 00 14 80");
+  const auto starts_up = [&](std::int64_t since) {
+    EXPECT_TRUE(bytes_of(line, at(since)).empty());
+    EXPECT_TRUE(bytes_of(line, at(since + 299)).empty());
+    EXPECT_EQ(bytes_of(line, at(since + 300)), pattern);
+    EXPECT_EQ(bytes_of(line, at(since + 399)), pattern);
+    EXPECT_EQ(bytes_of(line, at(since + 400)), good);
+  };
+  starts_up(0);
+  line.device->power_on({5'000'000'000});
+  starts_up(5000);
+  line.device->power_on({9'000'000'000});
+  line.device->step_clock(std::chrono::seconds(-4));
+  starts_up(5000);
+  EXPECT_EQ(faults_of("start = {silent_s = 1, until_s = 0.5}\n" + one_message("A5")),
+            "test.toml:1: start.until_s: give more than silent_s, during which nothing is sent");
+}
+
 TEST(FrameSchedule, IncrementsAreSumsSinceTheLastMessage) {
   Line line = frame_line(three_messages);
   Recording recording;

@@ -186,6 +186,18 @@ TEST(TextMessage, DigitsSideBySideAreDecoded) {
   EXPECT_TRUE(recording.measurements[0].sample.rate.isApprox(sample.rate, 1e-9));
 }
 
+TEST(TextMessage, WhatIsLeftOutSideBySideIsDecoded) {
+  Line line = frame_line(one_text("D{utc_day:02d?}{utc_month:02d?},{rate_x_deg_per_s:.1f}\\n"));
+  Recording recording;
+  Sample sample = text_sample();
+  const std::string with = line_of(line, sample);
+  sample.navigation = {};
+  const std::string without = line_of(line, sample);
+  EXPECT_EQ(with + without, "D2308,10.0\nD,10.0\n");
+  for (const std::string& text : {with, without}) line.decoder->feed({std::as_bytes(std::span(text)), {}}, recording);
+  EXPECT_EQ(recording.measurements.size(), 2U);
+}
+
 TEST(TextMessage, RandomBytesHarmNothing) {
   std::mt19937_64 random(5);
   Line line = frame_line(one_text("$A,{rate_x_deg_per_s:.3f},{not_valid:no/yes},{time_ms:d?}*{check:xor8}\\n"));
@@ -245,6 +257,7 @@ TEST(TextMessage, RefusesWhatCannotBe) {
        "a decoder cannot find the end of {rate_x_deg_per_s:f}: let a character follow, such"},
       {"A{rate_x_deg_per_s:f}{rate_y_deg_per_s:f}\\n", "fill it up with zeros, as in 08.3f"},
       {"A{rate_x_deg_per_s:f} B\\n", "let a character follow that no number has"},
+      {"A{utc_day:02d?}{utc_month:02d}\\n", "a decoder cannot find the end of {utc_day:02d?}"},
       {"{sample_counter:08X}", "give at least one constant character"},
       {"A{check:xor8}\\n", "give the range, as in {check:sum8:@begin..}"},
       {"A{@a}B{check:xor9:@a..}\\n", "there is no check \"xor9\""},
