@@ -36,10 +36,18 @@ TEST(ShippedFrames, HaveATestFrame) {
   for (const auto& file : std::filesystem::directory_iterator(IMUD_SOURCE_DIR "/protocols/frames"))
     if (file.path().extension() == ".toml") files.insert(file.path().stem());
   EXPECT_EQ(names, files);
-  EXPECT_GE(names.size(), 12U);
+  EXPECT_GE(names.size(), 16U);
+}
+
+// Returns true if the frames carry the specific force.
+bool is_measured(std::string_view name) {
+  const std::vector<FrameMessage> messages = frame_messages(*read_frames(std::string(name)));
+  return std::ranges::any_of(messages,
+                             [](const FrameMessage& m) { return (m.layout->components() & 0b111'000U) != 0; });
 }
 
 TEST(ShippedFrames, AreDecodedWithinAnLsb) {
+  std::set<std::string_view> without;
   for (const ShippedFrames& shipped : shipped_frames()) {
     SCOPED_TRACE(shipped.name);
     Line line(protocol_named("frame"), frame_settings(read_frames(std::string(shipped.name))));
@@ -51,19 +59,24 @@ TEST(ShippedFrames, AreDecodedWithinAnLsb) {
       sample.time = sample.time + std::chrono::milliseconds(10);
     }
     line.decoder->finish(recording);
-    ASSERT_EQ(recording.measurements.size(), 20U);
     const DecodeErrors& errors = line.decoder->errors();
     EXPECT_EQ(errors.checksum + errors.malformed + errors.incomplete + errors.skipped_bytes, 0U);
+    if (!is_measured(shipped.name)) {
+      without.insert(shipped.name);
+      continue;
+    }
+    ASSERT_EQ(recording.measurements.size(), 20U);
     for (const Measurement& measurement : recording.measurements) {
       if ((measurement.fields & Measurement::rate) != 0) {
-        EXPECT_TRUE(measurement.sample.rate.isApprox(sample.rate, 1e-3)) << measurement.sample.rate.transpose();
+        EXPECT_LE((measurement.sample.rate - sample.rate).norm(), 1e-3) << measurement.sample.rate.transpose();
       } else {
         EXPECT_EQ(shipped.name, "bno08x-rvc");
       }
       EXPECT_NE(measurement.fields & Measurement::specific_force, 0U);
-      EXPECT_LE((measurement.sample.specific_force - sample.specific_force).norm(), 0.01);
+      EXPECT_LE((measurement.sample.specific_force - sample.specific_force).norm(), 0.02);
     }
   }
+  EXPECT_EQ(without, (std::set<std::string_view>{"nmea", "tss1"}));
 }
 
 TEST(ShippedFrames, AllocateNothingOnceMade) {
@@ -85,8 +98,11 @@ TEST(ShippedFrames, AllocateNothingOnceMade) {
 
 // Each bit of a frame in error, between good frames: no wrong number, and the good frames are found.
 TEST(ShippedFrames, RefuseEveryBitInError) {
+  int refused = 0;
   for (const ShippedFrames& shipped : shipped_frames()) {
     SCOPED_TRACE(shipped.name);
+    if (shipped.name == "razor" || shipped.name == "tss1") continue;  // without a check
+    ++refused;
     Line line(protocol_named("frame"), frame_settings(read_frames(std::string(shipped.name))));
     const std::vector<std::byte> good = bytes_of(line, typical());
     for (std::size_t bit = 0; bit < 8 * good.size(); ++bit) {
@@ -98,16 +114,21 @@ TEST(ShippedFrames, RefuseEveryBitInError) {
       Recording recording;
       other.decoder->feed({stream}, recording);
       other.decoder->finish(recording);
+      const DecodeErrors& errors = other.decoder->errors();
+      if (!is_measured(shipped.name)) {
+        EXPECT_GT(errors.skipped_bytes + errors.checksum, 0U) << "bit " << bit;
+        continue;
+      }
       // A message that not every sample has does not count.
       ASSERT_GE(recording.measurements.size(), 2U) << "bit " << bit;
       ASSERT_LE(recording.measurements.size(), shipped.name == "sensaition-ins" ? 3U : 2U) << "bit " << bit;
       for (const Measurement& measurement : recording.measurements)
-        ASSERT_LE((measurement.sample.specific_force - typical().specific_force).norm(), 0.01) << "bit " << bit;
-      const DecodeErrors& errors = other.decoder->errors();
+        ASSERT_LE((measurement.sample.specific_force - typical().specific_force).norm(), 0.02) << "bit " << bit;
       EXPECT_GT(errors.skipped_bytes, 0U) << "bit " << bit;
       EXPECT_EQ(errors.malformed, 0U) << "bit " << bit;
     }
   }
+  EXPECT_GE(refused, 14);
 }
 
 }  // namespace
