@@ -68,6 +68,7 @@ void FrameDevice::step_clock(Nanoseconds by) noexcept {
 void FrameDevice::restart(DeviceTime now) noexcept {
   start_ = now;
   samples_ = 0;
+  frames_ = 0;
   for (Scheduled& one : scheduled_) {
     one.number = -1;
     one.sent = now;
@@ -119,7 +120,8 @@ void FrameDevice::send(Scheduled& one, const Sample& sample, FrameBuffer& out) n
   const std::size_t longest = longest_escaped(escape_, layout.longest());
   const std::span<std::byte> room = out.room(longest);
   if (room.size() != longest) return;
-  const MessageLayout::State state{static_cast<std::uint64_t>(one.number), sample.time - powered_ < starting_.until};
+  const MessageLayout::State state{static_cast<std::uint64_t>(one.number), frames_++,
+                                   sample.time - powered_ < starting_.until};
   const auto [size, saturated] =
       layout.encode({sample, one.delta_angle, one.delta_velocity, one.rotation, seconds(sample.time - one.sent)},
                     state, one.carried, is_escaped ? std::span(content_) : room);

@@ -66,6 +66,7 @@ class FrameDevice final : public Device {
   std::optional<DeviceTime> start_;  // time of the first sample since power on
   std::uint64_t counter_ = 0;        // of the last sample
   std::int64_t samples_ = 0;         // since the start
+  std::uint64_t frames_ = 0;         // sent since the start
   std::uint64_t saturated_ = 0;      // fields, in all messages
 };
 

@@ -30,6 +30,7 @@ struct FrameSource {
     constant,
     quantity,       // in `in`
     alive_counter,  // counts the message
+    frame_counter,  // counts all messages of the device
     status,         // 1 if one of `bits` is set in Sample::status, or while the device is starting
   };
   static constexpr std::uint32_t starting = 0;  // `bits` of the state of the device
@@ -79,7 +80,7 @@ struct FrameElement {
 // whose message has the fault and the remedy.
 FrameElement parse_frame_element(std::string_view text, bool is_big, std::span<const FrameDescription::Check> own);
 
-// Returns the source that a name in a bit field or in test values means: a quantity with its unit, alive_counter or a
+// Returns the source that a name in a bit field or in test values means: a quantity with its unit, a counter or a
 // bit of the status; nullopt if there is none.
 std::optional<FrameSource> find_frame_source(std::string_view name);
 // Returns the fault of an unknown name, with the nearest name that is known.

@@ -77,6 +77,8 @@ std::uint64_t FrameLayout::number_of(const Field& field, const Reading& reading,
       return 0;
     case Source::alive_counter:
       return counted(state.count);
+    case Source::frame_counter:
+      return counted(state.frames);
     case Source::status:
       return is_set(field.status_bits, reading, state) != field.is_inverse ? 1 : 0;
     case Source::quantity:
@@ -193,6 +195,7 @@ std::optional<FrameLayout::Decoded> FrameLayout::decode(std::span<const std::byt
       if (i == alive_counter_) decoded.alive_counter = {bits, field.period};
       continue;
     }
+    if (field.source == Source::frame_counter) continue;
     if (field.source == Source::status) {
       // A bit that stands for several is read back only if they are one.
       if (!std::has_single_bit(field.status_bits)) continue;

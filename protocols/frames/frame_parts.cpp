@@ -54,7 +54,7 @@ FrameSource source_in(std::string_view text) {
 }
 
 bool is_counting(const FrameSource& source) {
-  return source.kind == FrameSource::Kind::alive_counter ||
+  return source.kind == FrameSource::Kind::alive_counter || source.kind == FrameSource::Kind::frame_counter ||
          (source.kind == FrameSource::Kind::quantity &&
           (source.in.quantity->kind == MeasuredQuantity::Kind::counter ||
            source.in.quantity->kind == MeasuredQuantity::Kind::status));

@@ -7,7 +7,7 @@
 namespace imud {
 namespace {
 
-constexpr std::string_view alive_counter = "alive_counter";
+constexpr std::string_view alive_counter = "alive_counter", frame_counter = "frame_counter";
 
 struct StatusName {
   std::string_view name;
@@ -35,8 +35,8 @@ constexpr StatusName status_names[] = {
 
 std::optional<FrameSource> find_frame_source(std::string_view name) {
   FrameSource source;
-  if (name == alive_counter) {
-    source.kind = FrameSource::Kind::alive_counter;
+  if (name == alive_counter || name == frame_counter) {
+    source.kind = name == alive_counter ? FrameSource::Kind::alive_counter : FrameSource::Kind::frame_counter;
     return source;
   }
   for (const StatusName& bit : status_names)
@@ -55,7 +55,7 @@ std::optional<FrameSource> find_frame_source(std::string_view name) {
 }
 
 std::string unknown_frame_source(std::string_view name) {
-  std::vector<std::string> known = {std::string(alive_counter)};
+  std::vector<std::string> known = {std::string(alive_counter), std::string(frame_counter)};
   for (const StatusName& bit : status_names) known.emplace_back(bit.name);
   const std::string_view plain = name.substr(name.starts_with('-'));
   std::string fault = "there is no quantity \"" + std::string(plain) + "\"";

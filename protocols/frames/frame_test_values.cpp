@@ -26,6 +26,8 @@ void FrameTestValues::add(const FrameSource& source, double value) {
     sample.status = static_cast<std::uint32_t>(whole);
   else if (source.kind == FrameSource::Kind::alive_counter)
     state.count = whole;
+  else if (source.kind == FrameSource::Kind::frame_counter)
+    state.frames = whole;
   else if (source.bits == FrameSource::starting)
     state.is_starting = whole != 0;
   else

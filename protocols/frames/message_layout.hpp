@@ -29,6 +29,7 @@ class MessageLayout {
   // The state of the device that a frame shows beside the sample.
   struct State {
     std::uint64_t count = 0;   // messages of this kind that were sent before
+    std::uint64_t frames = 0;  // messages of any kind that were sent before
     bool is_starting = false;  // the device has not had power for FrameDescription::Start::until
   };
   struct Encoded {

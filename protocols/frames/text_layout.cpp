@@ -26,11 +26,13 @@ bool is_status_word(const TextPiece& piece) noexcept {
 
 // Returns the counter or status of a field; nullopt if it is no integer.
 std::optional<std::uint64_t> integer_of(const TextPiece& piece, const Reading& reading,
-                                        std::uint64_t count) noexcept {
+                                        const MessageLayout::State& state) noexcept {
   const FrameSource& source = piece.source;
   std::uint64_t value = 0;
   if (source.kind == Source::alive_counter)
-    value = count;
+    value = state.count;
+  else if (source.kind == Source::frame_counter)
+    value = state.frames;
   else if (source.kind == Source::quantity && source.in.quantity->kind == MeasuredQuantity::Kind::counter)
     value = reading.sample.counter;
   else if (is_status_word(piece))
@@ -74,7 +76,7 @@ bool is_left_out(const TextPiece& piece, const Reading& reading, const FrameTest
 std::size_t TextLayout::write_field(const TextPiece& piece, const Reading& reading, const State& state,
                                     const FrameTestValues* given, char* out, unsigned& saturated) const noexcept {
   if (is_left_out(piece, reading, given)) return 0;
-  if (const auto integer = integer_of(piece, reading, state.count)) return piece.format.write(*integer, out);
+  if (const auto integer = integer_of(piece, reading, state)) return piece.format.write(*integer, out);
   bool is_saturated = false;
   const std::size_t size = piece.format.write(number_of(piece, reading, state, given), out, is_saturated);
   saturated += is_saturated;
@@ -206,7 +208,7 @@ bool TextLayout::read_field(std::size_t index, std::string_view text, ReadBack& 
                          : decoded.alive_counter) = Wrapping{*value, piece.period()};
     return true;
   }
-  if (source.kind == Source::alive_counter) return true;
+  if (source.kind == Source::alive_counter || source.kind == Source::frame_counter) return true;
   if (source.kind == Source::status) {
     if (!std::has_single_bit(source.bits)) return true;
     const auto number = piece.format.read(text);

@@ -99,6 +99,31 @@ layout = ["F2", "delta_angle_x_rad:f64", "sample_counter:u8", "alive_counter:u8"
   EXPECT_EQ(found, sums);
 }
 
+TEST(FrameSchedule, AFrameCounterCountsAllMessages) {
+  Line line = frame_line(R"(
+frame_version = 1
+name = "two"
+[[message]]
+name = "a"
+layout = ["F1", "frame_counter%5:u8"]
+[[message]]
+name = "b"
+divider = 2
+text = "<{frame_counter%5:d}>"
+)");
+  const auto sent = [&line](std::uint64_t k) {
+    std::string text;
+    for (const std::byte byte : bytes_of(line, nth(k))) text += std::to_string(std::to_integer<int>(byte)) + ' ';
+    return text;
+  };
+  EXPECT_EQ(sent(0), "241 0 60 49 62 ");
+  EXPECT_EQ(sent(1), "241 2 ");
+  EXPECT_EQ(sent(2), "241 3 60 52 62 ");
+  EXPECT_EQ(sent(3), "241 0 ");
+  line.device->power_on({});
+  EXPECT_EQ(sent(4), "241 0 60 49 62 ");
+}
+
 TEST(FrameSchedule, MessagesCoincideByTheirPhases) {
   const auto message = [](std::uint64_t divider, std::vector<std::uint64_t> phases) {
     FrameMessage one;
