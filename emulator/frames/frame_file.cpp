@@ -141,20 +141,51 @@ void read_layout(TableReader& table, std::uint32_t line, FrameDescription::Messa
   }
 }
 
-void read_test(TableReader& table, FrameDescription::Message& message) {
-  if (table.has("test_frame"))
-    message.test_frame = {table.text("test_frame", ""), table.node("test_frame")->source().begin.line};
-  const toml::node* node = table.node("test_values");
-  if (node == nullptr) return;
-  const toml::table* values = node->as_table();
+// Returns the nodes of a list, or the node itself if it is none.
+std::vector<const toml::node*> nodes_of(TableReader& table, std::string_view key) {
+  const toml::node* node = table.node(key);
+  if (node == nullptr) return {};
+  const toml::array* list = node->as_array();
+  if (list == nullptr) return {node};
+  std::vector<const toml::node*> nodes;
+  for (const toml::node& one : *list) nodes.push_back(&one);
+  return nodes;
+}
+
+// Reads the values of a test frame.
+std::vector<FrameDescription::Value> read_values(TableReader& table, const toml::node& node) {
+  std::vector<FrameDescription::Value> all;
+  const toml::table* values = node.as_table();
   if (values == nullptr)
-    return table.fault("test_values", "give a table of quantities, such as {rate_x_deg_per_s = 10}");
-  for (const auto& [key, value] : *values) {
-    const auto number = value.is_number() ? value.value<double>() : std::nullopt;
-    if (number && std::isfinite(*number))
-      message.test_values.push_back({std::string(key.str()), *number, value.source().begin.line});
+    table.fault("test_values", "give a table of quantities, such as {rate_x_deg_per_s = 10}, or one for each frame");
+  else
+    for (const auto& [key, value] : *values) {
+      const auto number = value.is_number() ? value.value<double>() : std::nullopt;
+      if (number && std::isfinite(*number))
+        all.push_back({std::string(key.str()), *number, value.source().begin.line});
+      else
+        table.fault("test_values", fmt::format("{}: give a finite number", key.str()));
+    }
+  return all;
+}
+
+void read_tests(TableReader& table, FrameDescription::Message& message) {
+  const auto frames = nodes_of(table, "test_frame"), values = nodes_of(table, "test_values");
+  if (frames.size() > FrameDescription::most_tests)
+    return table.fault("test_frame", fmt::format("give at most {}", FrameDescription::most_tests));
+  if (frames.empty() && !values.empty())
+    return table.fault("test_values", "give the test_frame that has these values");
+  if (!values.empty() && values.size() != frames.size())
+    return table.fault("test_values",
+                       fmt::format("give a table for each test_frame; there are {} tables for {} frames",
+                                   values.size(), frames.size()));
+  for (std::size_t i = 0; i < frames.size(); ++i) {
+    const auto text = frames[i]->value<std::string>();
+    if (!frames[i]->is_string())
+      table.fault("test_frame", "give the frame as a text, or a list of frames");
     else
-      table.fault("test_values", fmt::format("{}: give a finite number", key.str()));
+      message.tests.push_back({{*text, frames[i]->source().begin.line}, {}});
+    if (!values.empty() && !message.tests.empty()) message.tests.back().values = read_values(table, *values[i]);
   }
 }
 
@@ -194,7 +225,7 @@ FrameDescription::Message read_message(TableReader table, std::uint32_t line, bo
   if (message.divider != 0 && message.phases.back() >= message.divider)
     table.fault("phase", "must be less than divider: it is the number of the first sample that is sent");
   read_layout(table, line, message);
-  read_test(table, message);
+  read_tests(table, message);
   table.finish();
   return message;
 }

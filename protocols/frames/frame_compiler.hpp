@@ -14,7 +14,7 @@ class FrameLayout::Compiler {
 
   // Fills the layout. Throws FrameFaults with every fault of the message.
   void compile();
-  // Encodes the test values and compares the bytes with the test frame, if there is one. Throws FrameFaults.
+  // Encodes the values of the tests and compares the bytes with their frames. Throws FrameFaults.
   void test();
 
  private:
@@ -37,6 +37,7 @@ class FrameLayout::Compiler {
   FrameCheck::Range range(const FrameElement::Range& range, std::size_t own) const;
   std::size_t place_of(const std::string& label) const;
   void give(const FrameDescription::Value& value, FrameTestValues& given) const;
+  void test(const FrameDescription::Test& test);
   std::string difference(std::span<const std::byte> got, std::span<const std::byte> wanted) const;
   void constant(std::size_t offset, std::span<const std::byte> bytes);
 

@@ -26,6 +26,7 @@ struct FrameDescription {
   static constexpr std::size_t longest_element = 512;     // characters
   static constexpr std::size_t longest_frame = 4096;      // bytes
   static constexpr std::size_t longest_text = 4096;       // characters of a text message
+  static constexpr std::size_t most_tests = 64;           // of a message
   static constexpr std::size_t most_checks = 64;          // own algorithms
   static constexpr std::uint64_t most_samples = 1 << 20;  // of a divider
   static constexpr std::size_t most_phases = 1024;        // of a message
@@ -43,6 +44,11 @@ struct FrameDescription {
     std::string name;
     CrcParameters parameters;
   };
+  // A frame as a unit has sent it, and what it carries; what is not listed is 0.
+  struct Test {
+    Text frame;  // in hexadecimal, or the line of text
+    std::vector<Value> values;
+  };
   struct Message {
     std::string name;
     std::uint32_t line = 0;
@@ -52,9 +58,8 @@ struct FrameDescription {
     std::uint64_t divider = 1;
     std::vector<std::uint64_t> phases = {0};  // ascending, less than the divider
     std::vector<Text> layout;
-    std::optional<Text> text;        // of a line of text, in place of the layout
-    std::optional<Text> test_frame;  // in hexadecimal, or the line of text
-    std::vector<Value> test_values;
+    std::optional<Text> text;  // of a line of text, in place of the layout
+    std::vector<Test> tests;
   };
 
   // After power on; counted from then.

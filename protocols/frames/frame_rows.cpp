@@ -130,32 +130,25 @@ std::string FrameLayout::Compiler::difference(std::span<const std::byte> got,
 }
 
 void FrameLayout::Compiler::test() {
-  const auto finish = [this] {
-    if (!faults_.empty()) throw FrameFaults(description_.file, std::move(faults_));
-  };
-  if (!message_.test_frame) {
-    if (!message_.test_values.empty())
-      fault(message_.test_values.front().line, "test_values", "give the test_frame that has these values");
-    return finish();
-  }
-  const auto [text, line] = *message_.test_frame;
+  for (const FrameDescription::Test& one : message_.tests) test(one);
+  if (!faults_.empty()) throw FrameFaults(description_.file, std::move(faults_));
+}
+
+void FrameLayout::Compiler::test(const FrameDescription::Test& test) {
+  const auto& [text, line] = test.frame;
   const auto wanted = hex_bytes_in(text);
-  if (!wanted) {
-    fault(line, "test_frame", "must be bytes in hexadecimal, such as \"AA 55 01\"");
-    return finish();
-  }
+  if (!wanted) return fault(line, "test_frame", "must be bytes in hexadecimal, such as \"AA 55 01\"");
   FrameTestValues given;
-  for (const FrameDescription::Value& value : message_.test_values) try {
+  const std::size_t before = faults_.size();
+  for (const FrameDescription::Value& value : test.values) try {
       give(value, given);
     } catch (const std::invalid_argument& error) {
       fault(value.line, "test_values." + value.name, error.what());
     }
-  finish();
-  if (wanted->size() != out_.size()) {
-    fault(line, "test_frame",
-          "has " + std::to_string(wanted->size()) + " bytes, but the layout " + std::to_string(out_.size()));
-    return finish();
-  }
+  if (faults_.size() > before) return;
+  if (wanted->size() != out_.size())
+    return fault(line, "test_frame",
+                 "has " + std::to_string(wanted->size()) + " bytes, but the layout " + std::to_string(out_.size()));
   std::vector<std::byte> got(out_.size());
   std::vector<double> carried(out_.carries_);
   const unsigned saturated = out_.write({given.sample}, given.state, &given, carried, got);
@@ -163,7 +156,6 @@ void FrameLayout::Compiler::test() {
     fault(line, "test_frame", difference(got, *wanted));
   else if (saturated > 0)
     fault(line, "test_values", "a value exceeds the range of its field");
-  finish();
 }
 
 }  // namespace imud

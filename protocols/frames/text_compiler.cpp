@@ -40,7 +40,7 @@ TextLayout::TextLayout(const FrameDescription& description, const FrameDescripti
   Compiler compiler(*this, description, message);
   try {
     compiler.compile();
-    compiler.test(faults);
+    for (const FrameDescription::Test& test : message.tests) compiler.test(test, faults);
   } catch (const std::invalid_argument& error) {
     faults.push_back({message.text->line, where_in(message, "text"), error.what()});
   }
@@ -179,23 +179,19 @@ void TextLayout::Compiler::give(const FrameDescription::Value& value, FrameTestV
   refuse_test_value(names);
 }
 
-void TextLayout::Compiler::test(std::vector<FrameFault>& faults) const {
+void TextLayout::Compiler::test(const FrameDescription::Test& test, std::vector<FrameFault>& faults) const {
   const auto fault = [&](std::uint32_t line, const std::string& key, std::string what) {
     faults.push_back({line, where_in(message_, key), std::move(what)});
   };
-  if (!message_.test_frame) {
-    if (!message_.test_values.empty())
-      fault(message_.test_values.front().line, "test_values", "give the test_frame that has these values");
-    return;
-  }
   FrameTestValues given;
-  for (const FrameDescription::Value& value : message_.test_values) try {
+  const std::size_t before = faults.size();
+  for (const FrameDescription::Value& value : test.values) try {
       give(value, given);
     } catch (const std::invalid_argument& error) {
       fault(value.line, "test_values." + value.name, error.what());
     }
-  if (!faults.empty()) return;
-  const auto& [wanted, line] = *message_.test_frame;
+  if (faults.size() > before) return;
+  const auto& [wanted, line] = test.frame;
   std::vector<std::byte> frame(out_.longest_);
   Places places;
   const auto [size, saturated] = out_.write({given.sample}, given.state, &given, places, frame);

@@ -12,8 +12,8 @@ class TextLayout::Compiler {
 
   // Fills the layout. Throws std::invalid_argument, whose message has the first fault of the text.
   void compile();
-  // Encodes the test values and compares the text with the test frame, if there is one. Adds the faults.
-  void test(std::vector<FrameFault>& faults) const;
+  // Encodes the values of a test and compares the text with its frame. Adds the faults.
+  void test(const FrameDescription::Test& test, std::vector<FrameFault>& faults) const;
 
  private:
   std::size_t place_of(const std::string& label) const;

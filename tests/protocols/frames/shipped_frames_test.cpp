@@ -31,7 +31,7 @@ TEST(ShippedFrames, HaveATestFrame) {
     const auto description = read_frames(std::string(shipped.name));
     EXPECT_FALSE(description->document.empty());
     EXPECT_TRUE(std::ranges::all_of(description->messages,
-                                    [](const FrameDescription::Message& m) { return m.test_frame.has_value(); }));
+                                    [](const FrameDescription::Message& m) { return !m.tests.empty(); }));
   }
   for (const auto& file : std::filesystem::directory_iterator(IMUD_SOURCE_DIR "/protocols/frames"))
     if (file.path().extension() == ".toml") files.insert(file.path().stem());
