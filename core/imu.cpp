@@ -334,6 +334,10 @@ Sample Imu::sample_at_rest(Nanoseconds since_power_on, DeviceTime stamp) noexcep
     }
     add_piece(now);
   }
+  if (follows_truth_) {  // of a vehicle at rest no state is known
+    surroundings_c_.reset();
+    vibration_.follow(time, std::nullopt, std::nullopt);
+  }
   Sample out = sense_slowly(now, time, is_first, stamp);
   if (rest_.earth().is_on()) {
     sense_earth(rest_.earth(), {true, time, Vector3::Zero(), Vector3::Zero()}, {}, now, out);

@@ -81,7 +81,7 @@ class Vibration {
   // Return whether the amplitude or a frequency follows the truth, and whether it needs this state of the vehicle.
   bool follows() const noexcept { return has_harmonics_ || !envelope_.at.empty(); }
   // Sets the truth that it follows at the next add_to(): the state of the envelope, and the speed of the rotor,
-  // rad/s. Without them the factor is the one of 0, and the rotor stands still.
+  // rad/s. Without them, as for a vehicle at rest, the factor is the one of 0, and the rotor stands still.
   void follow(TruthTime time, std::optional<double> state, std::optional<double> rotor_speed) noexcept;
   std::optional<VehicleState> followed() const noexcept { return envelope_.of; }
   // Returns the factor on the mean square.

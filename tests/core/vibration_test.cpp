@@ -192,6 +192,48 @@ TEST(Vibration, StandsStillWithoutTheStatesOfTheTruth) {
   }
 }
 
+// A vehicle at rest has no states either: before the first truth, and after a truth that had them.
+TEST(Vibration, AtRestIsTheOneWithoutStates) {
+  ImuModel model;
+  model.vibration.harmonics = {{.order = 1, .rate = {3, 0, 0}, .phase = pi / 2}};
+  model.vibration.envelope = {.of = VehicleState::airspeed, .at = {0, 50}, .factor = {0.5, 10}};
+  model.gyro.vibration_rectification = Matrix3::Identity();
+  model.vibration.sines = {{.frequency_hz = 100, .force = {0, 0, 2}}};  // 100 Hz: 0 at every sample
+  Imu imu(model, 1, 1);
+  const auto expect_at_rest = [&] {
+    for (int k = 0; k < 3; ++k) {
+      const Sample sample = imu.sample_at_rest(10ms * k, {});
+      EXPECT_NEAR(std::abs(sample.rate.x()), 1.5, 1e-12) << k;
+      EXPECT_NEAR(sample.rate.z(), 0.5 * 0.5 * 2, 1e-12) << k;
+      EXPECT_NEAR(std::abs(sample.delta_angle.x()), k > 0 ? 0.015 : 0, 1e-12) << k;
+    }
+  };
+  expect_at_rest();
+  Timeline timeline;
+  for (const Nanoseconds at : {0ms, 10ms, 20ms}) {
+    Truth truth;
+    truth.time = TruthTime{} + at;
+    truth.vehicle.set(VehicleState::airspeed, 50);
+    truth.vehicle.set(VehicleState::rotor_speed, 30);
+    timeline.push(truth);
+    EXPECT_NEAR(imu.sample(timeline, truth.time, {}).rate.z(), 10 * 10 * 2, 1e-9);
+  }
+  imu.begin_run();
+  EXPECT_NEAR(imu.sample_at_rest(30ms, {}).rate.z(), 0.5 * 0.5 * 2, 1e-12);
+}
+
+// A factor that follows the truth's time follows the time since power on at rest, as the phases do.
+TEST(Vibration, AtRestFollowsTheTimeSincePowerOn) {
+  ImuModel model;
+  model.vibration.sines = {{.frequency_hz = 25, .force = {4, 0, 0}}};
+  model.vibration.envelope = {.of = std::nullopt, .at = {0, 1}, .factor = {0, 1}};
+  Imu imu(model, 1, 1);
+  for (int k = 0; k < 100; ++k) {
+    const double factor = 0.01 * k, force = 4 * std::sin(2 * pi * 0.25 * k);
+    EXPECT_NEAR(imu.sample_at_rest(10ms * k, {}).specific_force.x(), factor * force, 1e-9) << k;
+  }
+}
+
 // Effects that respond to specific force respond to that of the vibration.
 TEST(Vibration, IsAnInputOfTheEffects) {
   ImuModel model;
