@@ -211,6 +211,7 @@ void set_device_filter(TableReader table, const SensorFilter& filter, TriadError
     if (errors.filter.is_on() && table.has(key))
       table.fault(key, "the product's own filter acts; set that, or give device_filters = false in [[imu]]");
   errors.filter = filter;
+  if (!table.has("fir_taps")) errors.fir_taps.reset();
 }
 
 // Returns true if a preset's bandwidth is within half of the sample rate. The bandwidth of sensors without a filter
@@ -228,6 +229,7 @@ void decimate(PresetErrors& errors, double rate_hz) {
   const double share = std::min(1.0, rate_hz / errors.internal_rate_hz);
   for (TriadErrors* triad : {&errors.gyro, &errors.accelerometer}) {
     triad->filter = {};
+    triad->fir_taps.reset();
     if (errors.decimation == Decimation::mean) triad->lsb *= share;
   }
 }

@@ -119,6 +119,33 @@ TEST_F(FilterConfig, APresetHasItsBandwidth) {
   EXPECT_FALSE(imu("native", {"model=\"white\""}).model.gyro.filter.is_on());
 }
 
+// Where the filter of a preset does not act, its taps do not act either; taps of the configuration do.
+TEST_F(FilterConfig, TheTapsOfAPresetGoWithItsFilter) {
+  std::ofstream(folder_ / "taps.toml")
+      << "[imu]\ninternal_rate_hz = 2000\n[imu.gyro]\nmax_deg_per_s = 400\nlow_pass_hz = 300\nfir_taps = [0.5, 0.5]\n"
+         "[imu.accelerometer]\nmax_g = 10\nlow_pass_hz = 300\nfir_taps = [0.25, 0.75]\n"
+         "[imu.magnetometer]\nmax_ut = 800\nfir_taps = [0.75, 0.25]\n";
+  const std::string model = "model=\"" + (folder_ / "taps.toml") + "\"";
+  const auto taps = [](const FirTaps& of) { return of ? *of : std::vector<double>(); };
+  using Taps = std::vector<double>;
+  const ImuModel fast = imu("native", {model, "rate_hz=1000"}).model;
+  EXPECT_EQ(taps(fast.gyro.fir_taps), Taps({0.5, 0.5}));
+  EXPECT_EQ(taps(fast.accelerometer.fir_taps), Taps({0.25, 0.75}));
+  EXPECT_EQ(taps(fast.magnetometer.fir_taps), Taps({0.75, 0.25}));
+  // At less than twice its bandwidth, its filter does not act.
+  const ImuModel slow = imu("native", {model, "gyro.fir_taps=[1,2]"}).model;
+  EXPECT_FALSE(slow.accelerometer.filter.is_on());
+  EXPECT_EQ(taps(slow.accelerometer.fir_taps), Taps());
+  EXPECT_EQ(taps(slow.gyro.fir_taps), Taps({1, 2}));
+  // The filters of a product take its place: of the magnetometer, too, which has no internal samples.
+  const ImuModel product = imu("vectornav", {model, "gyro.fir_taps=[1,2]"}).model;
+  EXPECT_EQ(taps(product.accelerometer.fir_taps), Taps());
+  EXPECT_EQ(taps(product.magnetometer.fir_taps), Taps());
+  EXPECT_EQ(taps(product.gyro.fir_taps), Taps({1, 2}));
+  EXPECT_EQ(taps(imu("vectornav", {model, "device_filters=false", "internal_rate_hz=2000"}).model.gyro.fir_taps),
+            Taps({0.5, 0.5}));
+}
+
 // The white noise of a product is that of one sample: it keeps its density at an internal rate.
 TEST_F(FilterConfig, TheWhiteNoiseOfAProductKeepsItsDensity) {
   const Config one = config("vectornav", {"model=\"white\""}),
