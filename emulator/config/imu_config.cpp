@@ -214,26 +214,6 @@ void set_device_filter(TableReader table, const SensorFilter& filter, TriadError
   if (!table.has("fir_taps")) errors.fir_taps.reset();
 }
 
-// Returns true if a preset's bandwidth is within half of the sample rate. The bandwidth of sensors without a filter
-// is half of the internal rate. Decimation to a lower rate aliases noise: then the samples do not have the density of
-// the data sheet, which a user of the preset expects by default.
-bool is_within(const PresetErrors& errors, double rate_hz) {
-  const auto bandwidth_hz = [&](const TriadErrors& triad) {
-    return triad.filter.is_on() ? triad.filter.cut_off_hz.maxCoeff() : 0.5 * errors.internal_rate_hz;
-  };
-  return std::max(bandwidth_hz(errors.gyro), bandwidth_hz(errors.accelerometer)) <= 0.5 * rate_hz;
-}
-
-// Takes the filters away, and leaves the noise and the digits of a sensor whose samples do not alias.
-void decimate(PresetErrors& errors, double rate_hz) {
-  const double share = std::min(1.0, rate_hz / errors.internal_rate_hz);
-  for (TriadErrors* triad : {&errors.gyro, &errors.accelerometer}) {
-    triad->filter = {};
-    triad->fir_taps.reset();
-    if (errors.decimation == Decimation::mean) triad->lsb *= share;
-  }
-}
-
 // Reads the errors of all sensors. Keys that are absent have the values of the model.
 void read_errors(TableReader& table, const std::optional<Product>& product, ImuConfig& imu) {
   imu.model.rate_hz = imu.rate_hz;
@@ -256,8 +236,8 @@ void read_errors(TableReader& table, const std::optional<Product>& product, ImuC
       if (!errors.is_imu)
         table.fault("model", fmt::format("{} has no gyros; name it by model in [imu.magnetometer] or [imu.barometer]",
                                          preset->name));
-      const bool is_decimated = filters || (!is_within(errors, imu.rate_hz) && !table.has("internal_rate_hz"));
-      if (is_decimated) decimate(errors, imu.rate_hz);
+      const bool is_decimated = filters || (!errors.is_within(imu.rate_hz) && !table.has("internal_rate_hz"));
+      if (is_decimated) errors.decimate(imu.rate_hz);
       if (product) {
         fit(errors.gyro, product->gyro, preset->name == own);
         fit(errors.accelerometer, product->accelerometer, preset->name == own);

@@ -91,6 +91,22 @@ std::string_view default_model(const Protocol& protocol, const Settings& setting
   return protocol.preset != nullptr ? protocol.preset(settings) : "white";
 }
 
+bool PresetErrors::is_within(double rate_hz) const {
+  const auto bandwidth_hz = [&](const TriadErrors& triad) {
+    return triad.filter.is_on() ? triad.filter.cut_off_hz.maxCoeff() : 0.5 * internal_rate_hz;
+  };
+  return std::max(bandwidth_hz(gyro), bandwidth_hz(accelerometer)) <= 0.5 * rate_hz;
+}
+
+void PresetErrors::decimate(double rate_hz) {
+  const double share = std::min(1.0, rate_hz / internal_rate_hz);
+  for (TriadErrors* triad : {&gyro, &accelerometer}) {
+    triad->filter = {};
+    triad->fir_taps.reset();
+    if (decimation == Decimation::mean) triad->lsb *= share;
+  }
+}
+
 PresetErrors preset_errors(const Preset& preset, double rate_hz) {
   Faults faults("preset " + std::string(preset.name));
   toml::table file;

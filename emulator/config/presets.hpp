@@ -64,6 +64,14 @@ struct PresetErrors {
   std::optional<TriadErrors> magnetometer;
   Sidedness magnetometer_density = Sidedness::none;
   std::optional<BarometerErrors> barometer;
+
+  // Returns whether the bandwidth is within half of this sample rate, Hz. The bandwidth of sensors without a filter
+  // is half of the internal rate. Decimation to a lower rate aliases noise: then the samples do not have the density
+  // of the data sheet, which a user of the preset expects by default.
+  bool is_within(double rate_hz) const;
+  // Takes the filters of gyros and accelerometers away, and leaves the noise and the digits of a sensor whose samples
+  // at this rate, Hz, do not alias.
+  void decimate(double rate_hz);
 };
 // Returns the errors at this sample rate, Hz, or the preset's internal rate if higher. Throws ConfigError if the
 // errors are not possible at the rate, or if a user's file is not right.
