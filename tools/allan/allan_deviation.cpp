@@ -37,17 +37,31 @@ inline double sum_of_squares(std::size_t begin, std::size_t end, std::size_t str
       sums[k] += d * d;
     }
   }
-  for (; i < end; i += stride) sums[0] += difference(i) * difference(i);
+  for (; i < end; i += stride) {
+    const double d = difference(i);
+    sums[0] += d * d;
+  }
   return ((sums[0] + sums[1]) + (sums[2] + sums[3])) + ((sums[4] + sums[5]) + (sums[6] + sums[7]));
 }
 
-IMUD_DISPATCHED double second_differences(const double* x, std::size_t m, std::size_t begin, std::size_t end) {
-  return sum_of_squares(begin, end, 1, [=](std::size_t i) { return (x[i + 2 * m] - x[i + m]) - (x[i + m] - x[i]); });
+// The differences of the phase from point i on, m points apart.
+inline double second_difference(const double* x, std::size_t m, std::size_t i) noexcept {
+  return (x[i + 2 * m] - x[i + m]) - (x[i + m] - x[i]);
 }
-IMUD_DISPATCHED double third_differences(const double* x, std::size_t m, std::size_t begin, std::size_t end) {
-  return sum_of_squares(begin, end, 1, [=](std::size_t i) {
-    return (x[i + 3 * m] - x[i + 2 * m]) - 2 * (x[i + 2 * m] - x[i + m]) + (x[i + m] - x[i]);
-  });
+inline double third_difference(const double* x, std::size_t m, std::size_t i) noexcept {
+  return (x[i + 3 * m] - x[i + 2 * m]) - 2 * (x[i + 2 * m] - x[i + m]) + (x[i + m] - x[i]);
+}
+
+// With a stride of 1 that is known, the compiler uses vector registers.
+IMUD_DISPATCHED double second_differences(const double* x, std::size_t m, std::size_t begin, std::size_t end,
+                                          std::size_t stride) {
+  const auto difference = [=](std::size_t i) { return second_difference(x, m, i); };
+  return stride == 1 ? sum_of_squares(begin, end, 1, difference) : sum_of_squares(begin, end, stride, difference);
+}
+IMUD_DISPATCHED double third_differences(const double* x, std::size_t m, std::size_t begin, std::size_t end,
+                                         std::size_t stride) {
+  const auto difference = [=](std::size_t i) { return third_difference(x, m, i); };
+  return stride == 1 ? sum_of_squares(begin, end, 1, difference) : sum_of_squares(begin, end, stride, difference);
 }
 
 // The sum of squared second differences of the phase's averages over m points: SP1065 (13). It is continued from
@@ -68,9 +82,7 @@ class ModifiedSum {
     const std::size_t m = m_;
     double sum = 0;
     for (std::size_t j = begin; j < end; ++j) {
-      if (j > 0)
-        window_.add((x[j - 1 + 3 * m] - x[j - 1 + 2 * m]) - 2 * (x[j - 1 + 2 * m] - x[j - 1 + m]) +
-                    (x[j - 1 + m] - x[j - 1]));
+      if (j > 0) window_.add(third_difference(x, m, j - 1));
       const double d = window_.value() / static_cast<double>(m);
       sum += d * d;
     }
@@ -120,15 +132,10 @@ class Differences {
     if (begin >= end) return;
     if (kind_ == AllanKind::modified)
       sum_.add(modified_->next(begin, end));
-    else if (stride == 1)
-      sum_.add(is_hadamard(kind_) ? third_differences(x, m, begin, end) : second_differences(x, m, begin, end));
     else if (is_hadamard(kind_))
-      sum_.add(sum_of_squares(begin, end, stride, [=](std::size_t i) {
-        return (x[i + 3 * m] - x[i + 2 * m]) - 2 * (x[i + 2 * m] - x[i + m]) + (x[i + m] - x[i]);
-      }));
+      sum_.add(third_differences(x, m, begin, end, stride));
     else
-      sum_.add(sum_of_squares(begin, end, stride,
-                              [=](std::size_t i) { return (x[i + 2 * m] - x[i + m]) - (x[i + m] - x[i]); }));
+      sum_.add(second_differences(x, m, begin, end, stride));
   }
   double deviation() const noexcept {
     if (count_ == 0) return 0;
