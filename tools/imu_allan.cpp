@@ -79,11 +79,12 @@ int analyse(Options& options, const OutputOptions& outputs, bool& running) {
   check_outputs(options, outputs);
 
   report.recording = record(options.input, running, report.ended_by);
-  if (!options.against.empty()) report.against = model_terms(options.against, report.recording.rate_hz);
+  if (!options.against.empty())
+    report.against = model_terms(options.against, report.recording.rate_hz, &options.input.source);
   running = true;
   report.samples = report.recording.samples();
   for (auto& channel : report.recording.channels) {
-    AllanReport::Axis axis{channel.number, {}, {}};
+    AllanReport::Axis axis{channel.number, {}, {}, channel.is_increment};
     axis.curve = allan_curve(kind, channel.values, report.recording.rate_hz, options.per_decade, options.confidence);
     axis.fit = fit_allan_terms(axis.curve, options.fit_from_s, options.fit_to_s);
     report.axes.push_back(std::move(axis));

@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <array>
+#include <cmath>
 #include <cstdint>
 #include <fstream>
 #include <nlohmann/json.hpp>
@@ -23,20 +24,22 @@ constexpr double deg = units::degree, mg = 1e-3 * units::standard_gravity, hour 
 
 class ImuAllanModel : public testing::Test {
  protected:
-  // Writes what a sensor of 100 Hz at rest with these keys sends in half an hour, and returns its port.
-  std::string recording(const std::vector<std::string>& keys, const std::string& name = "sent") const {
+  // Writes what a sensor at rest with these keys sends, and returns its port. A product has its own rate.
+  std::string recording(const std::vector<std::string>& keys, const std::string& name = "sent", int rate_hz = 100,
+                        std::int64_t minutes = 30, const std::string& protocol = "native") const {
     std::ofstream truth(folder_ / "truth.csv");
     truth << "time_ns,sigma_BN_1,sigma_BN_2,sigma_BN_3";
     for (const char* quantity : {"r_BN_N", "v_BN_N", "omega_BN_B", "omegaDot_BN_B", "nonConservativeAccelpntB_B"})
       for (const char axis : {'x', 'y', 'z'}) truth << ',' << quantity << '_' << axis;
-    for (std::int64_t minute = 0; minute <= 30; ++minute)
+    for (std::int64_t minute = 0; minute <= minutes; ++minute)
       truth << '\n' << 60'000'000'000 * minute << ",0,0,0,0,0,0,0,0,0,0,0,0,0,0,0,0,0,-9.80665";
     truth << '\n';
     truth.close();
     std::ofstream config(folder_ / "imu.toml");
     config << "clock = \"fast\"\n[truth]\nport = \"file:" << folder_ / "truth.csv"
-           << "\"\nformat = \"csv\"\n[[imu]]\nprotocol = \"native\"\nrate_hz = 100\nport = \"file:" << folder_ / name
+           << "\"\nformat = \"csv\"\n[[imu]]\nprotocol = \"" << protocol << "\"\nport = \"file:" << folder_ / name
            << "\"\n";
+    if (rate_hz > 0) config << "rate_hz = " << rate_hz << "\n";
     for (const std::string& key : keys) config << key << "\n";
     config.close();
     const auto run = run_program("imud", {"run", folder_ / "imu.toml"});
@@ -131,6 +134,75 @@ TEST_F(ImuAllanModel, ARecordingBecomesAPreset) {
   const std::string again = recording({"model = \"" + preset + "\""}, "again");
   const auto result = run_program("imu-allan", {"native", again, "--against", preset});
   EXPECT_EQ(result.exit_code, 0) << result.output << result.errors;
+}
+
+// White noise has the variance of its term in every kind; a difference has that of quantization.
+TEST(SampleNoise, HasTheVarianceOfItsTerms) {
+  const SampleNoise white{.of_values = {2}, .of_rates = {2}, .decimation = 5};
+  const SampleNoise difference{.of_values = {2, -1}, .of_rates = {2, -1}, .decimation = 1};
+  for (const AllanKind kind : allan_kinds)
+    for (const std::size_t factor : {1U, 2U, 3U, 64U, 100'000U}) {
+      const auto m = static_cast<double>(factor);
+      const auto unit = unit_variances(kind, {.factor = factor, .tau_s = m, .record_length = 0});
+      EXPECT_NEAR(white.variance(kind, factor, false) / (2 * unit[1]), 1, 1e-6) << name_of(kind) << factor;
+      const auto of_five = unit_variances(kind, {.factor = 5 * factor, .tau_s = 5 * m, .record_length = 0});
+      EXPECT_NEAR(white.variance(kind, factor, true) / (2 * of_five[1]), 1, 1e-6) << name_of(kind) << factor;
+      EXPECT_NEAR(difference.variance(kind, factor, false) / unit[0], 1, 1e-3) << name_of(kind) << factor;
+    }
+}
+
+// Recordings of a minute and more: the curve of the model is the one of imud behind the filter, and with the digits,
+// of the sensor, where the terms alone are far from it.
+class ImuAllanCurve : public ImuAllanModel {
+ protected:
+  struct Points {
+    std::vector<double> seen, model, terms;
+  };
+  // Compares the first `count` octaves within 3 % at a rate of `rate_hz`, and returns them.
+  Points compare_octaves(const std::vector<std::string>& arguments, const std::string& axis, std::size_t count) {
+    std::vector<std::string> all = arguments;
+    for (const std::string& more : {std::string("--json"), folder_ / "curve.json"}) all.push_back(more);
+    const auto result = run_program("imu-allan", all);
+    EXPECT_TRUE(result.exit_code == 0 || result.exit_code == 3) << result.errors;
+    const auto json = nlohmann::json::parse(std::ifstream(folder_ / "curve.json"))["axes"][axis];
+    Points points;
+    for (std::size_t i = 0; i < count; ++i) {
+      points.seen.push_back(json["adev"][i]);
+      points.model.push_back(json["model"][i]);
+      points.terms.push_back(json["N"]["model_si"].get<double>() / std::sqrt(json["tau_s"][i].get<double>()));
+      EXPECT_NEAR(points.model[i] / points.seen[i], 1, 0.03) << axis << ' ' << i;
+    }
+    return points;
+  }
+};
+
+TEST_F(ImuAllanCurve, HasTheBandwidthOfThePreset) {
+  const std::string port =
+      recording({"model = \"stim300\"", "gyro.bias_instability_deg_per_hr = 0", "gyro.turn_on_bias_deg_per_hr = 0"},
+                "fast", 1000, 3);
+  const Points points = compare_octaves({"native", port, "--against", "stim300"}, "gyro_x", 7);
+  EXPECT_LT(points.seen[0], 0.8 * points.terms[0]);
+  compare_octaves({"native", port, "--against", "stim300", "--increments"}, "accel_y", 7);
+}
+
+TEST_F(ImuAllanCurve, HasTheDigitsOfTheModel) {
+  std::ofstream(folder_ / "digits.toml")
+      << "[imu.gyro]\nmax_rad_per_s = 10\nangle_random_walk_rad_per_rt_s = 1e-4\nlsb_rad_per_s = 2e-3\nrounding = "
+         "\"nearest\"\n[imu.accelerometer]\nmax_g = 10\nvelocity_random_walk_m_per_s_per_rt_s = 1e-3\n"
+         "lsb_m_per_s2 = 0.02\nrounding = \"nearest\"\ncarry = true\nfir_taps = [0.5, 0.5]\n";
+  const std::string model = folder_ / "digits.toml";
+  const std::string port = recording({"model = \"" + model + "\""}, "digits", 100, 30);
+  const Points points = compare_octaves({"native", port, "--against", model}, "gyro_z", 6);
+  EXPECT_GT(points.seen[0], 1.1 * points.terms[0]);
+  compare_octaves({"native", port, "--against", model}, "accel_x", 6);
+  compare_octaves({"native", port, "--against", model, "--increments"}, "accel_x", 6);
+}
+
+// A VN-100 sends 40 text messages a second, of values behind its filter.
+TEST_F(ImuAllanCurve, HasTheFilterOfTheProduct) {
+  const std::string port = recording({}, "product", 0, 60, "vectornav");
+  const Points points = compare_octaves({"vectornav", port, "--rate-hz", "40", "--against", "vn-100"}, "gyro_y", 5);
+  EXPECT_GT(std::abs(points.seen[0] / points.terms[0] - 1), 0.05);
 }
 
 TEST_F(ImuAllanModel, AModelThatIsNotRightIsAnErrorWithTheRemedy) {

@@ -125,6 +125,10 @@ std::array<TermVerdict, allan_term_count> AllanReport::verdicts(const Axis& axis
   return compare(axis.curve, axis.fit, against->of[axis.number], tolerance);
 }
 
+double AllanReport::model_deviation(const Axis& axis, const AllanCurve::Point& point) const {
+  return against->deviation(axis.curve.kind, axis.number, axis.curve.time(point), axis.is_increment);
+}
+
 bool AllanReport::agrees_with_model() const {
   return !against || std::ranges::all_of(axes, [this](const Axis& axis) { return agrees(verdicts(axis)); });
 }
@@ -227,9 +231,7 @@ std::string AllanReport::json() const {
         term["model_si"] = found[t].model;
         term["verdict"] = name_of(found[t].word);
       }
-      for (const auto& point : axis.curve.points)
-        entry["model"].push_back(expected_deviation(axis.curve.kind, against->of[axis.number], axis.curve.time(point),
-                                                    against->flicker_from_s[axis.number]));
+      for (const auto& point : axis.curve.points) entry["model"].push_back(model_deviation(axis, point));
     }
     report["axes"][std::string(axis.name())] = std::move(entry);
   }
@@ -254,13 +256,11 @@ std::string AllanReport::csv() const {
     for (const Axis& axis : axes) {
       const auto& point = axis.curve.points[i];
       // An absent curve is an empty field, which gnuplot leaves out.
-      const auto curve = [&](const AllanTerms& terms, double flicker_from_s) {
-        const double deviation = expected_deviation(axis.curve.kind, terms, axis.curve.time(point), flicker_from_s);
-        return deviation > 0 ? fmt::format("{}", deviation) : "";
-      };
+      const auto field = [](double deviation) { return deviation > 0 ? fmt::format("{}", deviation) : ""; };
       text += fmt::format(",{},{},{},{}", point.deviation, point.bounds.low, point.bounds.high,
-                          curve(axis.fit.seen(), axis.fit.flicker_from_s));
-      if (against) text += "," + curve(against->of[axis.number], against->flicker_from_s[axis.number]);
+                          field(expected_deviation(axis.curve.kind, axis.fit.seen(), axis.curve.time(point),
+                                                   axis.fit.flicker_from_s)));
+      if (against) text += "," + field(model_deviation(axis, point));
     }
     text += "\n";
   }

@@ -34,6 +34,7 @@ struct AllanReport {
     std::size_t number = 0;  // index in channel_names
     AllanCurve curve;
     AllanFit fit;
+    bool is_increment = false;  // see StillRecording::Channel
     bool is_rate() const noexcept { return number < channels_per_sensor; }
     std::string_view name() const noexcept { return channel_names[number]; }
     const AllanCurve::Point& lowest() const noexcept;  // point of the curve, which is not empty
@@ -58,6 +59,8 @@ struct AllanReport {
   // The comparison of an axis with `against`, which there is; and whether every axis agrees, true without a model.
   std::array<TermVerdict, allan_term_count> verdicts(const Axis& axis) const;
   bool agrees_with_model() const;
+  // Returns the deviation of that model.
+  double model_deviation(const Axis& axis, const AllanCurve::Point& point) const;
 
   // Returns a table with a line for each term of each axis.
   std::string text() const;

@@ -30,9 +30,11 @@ void StillRecorder::choose_channels(const Measurement& first) {
   const std::uint32_t force = choose(Measurement::specific_force, Measurement::delta_velocity);
   fields_ = rate | force;
   for (std::size_t axis = 0; axis < channels_per_sensor; ++axis)
-    if (rate != 0 && ((protocol_.absent_rates >> axis) & 1U) == 0) recording_.channels.push_back({axis, {}});
+    if (rate != 0 && ((protocol_.absent_rates >> axis) & 1U) == 0)
+      recording_.channels.push_back({axis, {}, rate == Measurement::delta_angle});
   for (std::size_t axis = 0; axis < channels_per_sensor; ++axis)
-    if (force != 0) recording_.channels.push_back({channels_per_sensor + axis, {}});
+    if (force != 0)
+      recording_.channels.push_back({channels_per_sensor + axis, {}, force == Measurement::delta_velocity});
 }
 
 void StillRecorder::on_measurement(const Measurement& measurement) {
@@ -102,11 +104,8 @@ StillRecording StillRecorder::finish() {
   } else {
     throw std::runtime_error("the rate is unknown, as the samples have no time; right would be --rate-hz HZ");
   }
-  for (auto& channel : r.channels) {
-    const bool is_increment =
-        (fields_ & (channel.is_rate() ? Measurement::delta_angle : Measurement::delta_velocity)) != 0;
-    if (is_increment) channel.values.scale(r.rate_hz);
-  }
+  for (auto& channel : r.channels)
+    if (channel.is_increment) channel.values.scale(r.rate_hz);
   return std::move(recording_);
 }
 
@@ -119,7 +118,7 @@ StillRecording recording_of(NpyRows& array, const std::vector<std::optional<std:
   for (std::size_t column = 0; column < columns.size(); ++column) {
     if (!columns[column]) continue;
     taken.push_back(column);
-    recording.channels.push_back({*columns[column], {}});
+    recording.channels.push_back({*columns[column], {}, false});
   }
   std::size_t number = 0;
   for (auto row = array.next(); !row.empty(); row = array.next(), ++number)

@@ -25,6 +25,8 @@ struct StillRecording {
   struct Channel {
     std::size_t number = 0;  // index in channel_names
     SampleStore values;      // rad/s, m/s^2
+    // They are increments by the rate.
+    bool is_increment = false;
     bool is_rate() const noexcept { return number < channels_per_sensor; }
     std::string_view name() const noexcept { return channel_names[number]; }
   };
