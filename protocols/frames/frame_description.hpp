@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "core/uart.hpp"
+#include "protocols/frames/frame_host_description.hpp"
 #include "protocols/wire/crc.hpp"
 
 namespace imud {
@@ -48,6 +49,10 @@ struct FrameDescription {
     std::vector<Text> layout;
     std::optional<Text> test_frame;  // in hexadecimal
     std::vector<Value> test_values;
+
+    std::string rate_setting;                        // that has the rate; empty: `rate_hz`
+    std::vector<FrameHostDescription::Choice> when;  // sent while all of these hold
+    bool is_streamed = true;                         // false: only sent when a request polls it
   };
 
   std::string file;      // for messages to users
@@ -56,6 +61,9 @@ struct FrameDescription {
   UartSettings uart;     // baud 0: not given
   std::vector<Check> checks;
   std::vector<Message> messages;
+
+  FrameHostDescription host;
+  std::string baud_setting;  // that has the bit rate of the line; empty: `uart`
 };
 
 // A fault of a description, and its remedy.
