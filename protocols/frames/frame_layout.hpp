@@ -41,6 +41,11 @@ class FrameLayout {
     return write(reading, count, {}, carried, frame);
   }
 
+  // Writes the checks of a frame of which some bytes were changed.
+  void seal(std::span<std::byte> frame) const noexcept { write_checks(frame); }
+  // Returns true if the constants allow bytes that begin with a frame of this layout and with one of the other.
+  bool may_coincide(const FrameLayout& other) const noexcept;
+
   enum class Match : std::uint8_t { no, unfinished, wrong_check, yes };
   // Compares the beginning of `held`, which is not empty, with the constants, and a whole frame with its checks.
   Match match(std::span<const std::byte> held) const noexcept;
