@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <numeric>
 
 #include "protocols/frames/frame_device.hpp"
 
@@ -14,14 +15,22 @@ bool is_more_frequent(const FrameMessage& a, const FrameMessage& b) {
 
 }  // namespace
 
-FrameStreamDecoder::FrameStreamDecoder(std::vector<FrameMessage> messages) {
-  const auto most = std::ranges::min_element(messages, is_more_frequent);
+FrameStreamDecoder::FrameStreamDecoder(std::vector<FrameMessage> messages, std::span<const std::uint8_t> values) {
+  const FrameMessage* most = nullptr;  // of the messages that are always sent
+  for (const FrameMessage& message : messages)
+    if (message.by_settings.is_always_on() && (most == nullptr || is_more_frequent(message, *most))) most = &message;
   for (const FrameMessage& message : messages) {
-    const bool is_needed = !is_more_frequent(*most, message);
+    const bool is_needed = most != nullptr && message.by_settings.is_always_on() && !is_more_frequent(*most, message);
     components_ |= message.layout.components();
     needed_ += is_needed;
     known_.push_back({message, is_needed});
   }
+  const auto is_likely = [&](std::size_t i) {
+    return known_[i].message.by_settings.when.empty() || known_[i].message.by_settings.is_on(values);
+  };
+  order_.resize(known_.size());
+  std::iota(order_.begin(), order_.end(), std::size_t{0});
+  std::stable_partition(order_.begin(), order_.end(), is_likely);
   choose_clocks();
 }
 
@@ -93,21 +102,30 @@ bool FrameStreamDecoder::accept(std::size_t index, std::span<const std::byte> fr
     sample.counter = count_.next(*read_counter, read_counter->period > short_round);
     set_.measurement.fields |= Measurement::counter;
   };
-  if (index == counter_) count(decoded->counter);
-  if (index == alive_counter_) count(decoded->alive_counter);
-  if (index == clock_) {
+  // A message may be sent in the place of the one that was chosen.
+  const auto excluded = [&](std::size_t other) {
+    return known_[other].message.by_settings.excludes(known_[index].message.by_settings);
+  };
+  const auto is_chosen = [&](const std::optional<std::size_t>& chosen) {
+    return chosen && (index == *chosen || excluded(*chosen));
+  };
+  if (is_chosen(counter_) && decoded->counter) count(decoded->counter);
+  if (is_chosen(alive_counter_) && decoded->alive_counter) count(decoded->alive_counter);
+  if (is_chosen(clock_) && decoded->time) {
     const std::uint64_t ticks = time_.next(*decoded->time, true);
     sample.time.ns = static_cast<std::int64_t>(ticks * static_cast<std::uint64_t>(layout.time_lsb_ns()));
     set_.measurement.fields |= Measurement::time;
   }
-  if (next_ == known_.size()) end(sink);
+  bool is_last = true;
+  for (std::size_t i = next_; i < known_.size(); ++i) is_last &= excluded(i);
+  if (is_last) end(sink);
   return true;
 }
 
 std::size_t FrameStreamDecoder::parse(std::span<const std::byte> held, MeasurementSink& sink) {
   using enum FrameLayout::Match;
   bool is_unfinished = false, has_wrong_check = false, is_malformed = false;
-  for (std::size_t i = 0; i < known_.size(); ++i) {
+  for (const std::size_t i : order_) {
     const FrameLayout& layout = known_[i].message.layout;
     const FrameLayout::Match match = layout.match(held);
     is_unfinished |= match == unfinished;
