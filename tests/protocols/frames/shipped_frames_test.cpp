@@ -48,7 +48,7 @@ TEST(ShippedFrames, AreDecodedWithinAnLsb) {
     for (int k = 0; k < 20; ++k) {
       for (const Frame& frame : line.encode(sample)) line.decoder->feed(frame, recording);
       ++sample.counter;
-      sample.time = sample.time + std::chrono::milliseconds(10);
+      sample.time = sample.time + std::chrono::milliseconds(100);  // the slowest sends at 10 Hz as delivered
     }
     line.decoder->finish(recording);
     ASSERT_EQ(recording.measurements.size(), 20U);
@@ -56,9 +56,9 @@ TEST(ShippedFrames, AreDecodedWithinAnLsb) {
     EXPECT_EQ(errors.checksum + errors.malformed + errors.incomplete + errors.skipped_bytes, 0U);
     for (const Measurement& measurement : recording.measurements) {
       if ((measurement.fields & Measurement::rate) != 0) {
-        EXPECT_TRUE(measurement.sample.rate.isApprox(sample.rate, 1e-3)) << measurement.sample.rate.transpose();
+        EXPECT_LE((measurement.sample.rate - sample.rate).norm(), 1e-3) << measurement.sample.rate.transpose();
       } else {
-        EXPECT_EQ(shipped.name, "bno08x-rvc");
+        EXPECT_TRUE(shipped.name == "bno08x-rvc" || (measurement.fields & Measurement::delta_angle) != 0);
       }
       EXPECT_NE(measurement.fields & Measurement::specific_force, 0U);
       EXPECT_LE((measurement.sample.specific_force - sample.specific_force).norm(), 0.01);
@@ -79,7 +79,7 @@ TEST(ShippedFrames, AllocateNothingOnceMade) {
       sample.time = sample.time + std::chrono::milliseconds(10);
     }
     line.device->power_on(sample.time);
-    EXPECT_EQ(allocations() - before, 0U);
+    EXPECT_EQ(allocations() - before, 0U);  // frame_request_fuzz_test.cpp counts while the host sends
   }
 }
 
@@ -98,11 +98,14 @@ TEST(ShippedFrames, RefuseEveryBitInError) {
       Recording recording;
       other.decoder->feed({stream}, recording);
       other.decoder->finish(recording);
-      // A message that not every sample has does not count.
+      // A message that not every sample has, or that a setting may switch off, does not count.
+      const bool has_rare = shipped.name == "sensaition-ins" || shipped.name == "witmotion";
       ASSERT_GE(recording.measurements.size(), 2U) << "bit " << bit;
-      ASSERT_LE(recording.measurements.size(), shipped.name == "sensaition-ins" ? 3U : 2U) << "bit " << bit;
+      ASSERT_LE(recording.measurements.size(), has_rare ? 3U : 2U) << "bit " << bit;
       for (const Measurement& measurement : recording.measurements)
-        ASSERT_LE((measurement.sample.specific_force - typical().specific_force).norm(), 0.01) << "bit " << bit;
+        if (shipped.name != "witmotion" || (measurement.fields & Measurement::specific_force) != 0) {
+          ASSERT_LE((measurement.sample.specific_force - typical().specific_force).norm(), 0.01) << "bit " << bit;
+        }
       const DecodeErrors& errors = other.decoder->errors();
       EXPECT_GT(errors.skipped_bytes, 0U) << "bit " << bit;
       EXPECT_EQ(errors.malformed, 0U) << "bit " << bit;
