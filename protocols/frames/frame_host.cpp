@@ -152,7 +152,6 @@ void FrameHost::delay(std::size_t index, const FrameAnswer& answer, const FrameC
   const std::size_t slot = (first_delayed_ + delayed_count_++) % most_delayed;
   Delayed& one = delayed_[slot];
   one = {now + requests_->all()[index].delay, index, 0, !captures.is_allowed};
-  if (delayed_count_ > 1) one.due = std::max(one.due, delayed_[(slot + most_delayed - 1) % most_delayed].due);
   if (answer.is_given())
     one.size = answer.write(captures, {requests_->settings(), values_, unit.newest()}, delayed_bytes(slot));
 }

@@ -42,7 +42,7 @@ class FrameHost {
 
   void power_on() noexcept;
   void receive(std::span<const std::byte> bytes, DeviceTime now, Unit& unit, FrameBuffer& replies) noexcept;
-  // Returns when the next delayed answer is due.
+  // Returns when the next delayed answer is due. An answer waits for those before it.
   std::optional<DeviceTime> deadline() const noexcept;
   // Sends the delayed answers that are due.
   void poll(DeviceTime now, Unit& unit, FrameBuffer& out) noexcept;
