@@ -8,7 +8,14 @@
 namespace imud {
 
 Settings settings_as_delivered(const ImuConfig& imu) {
-  if (imu.settings.frames() != nullptr) return imu.settings;
+  if (imu.settings.frames() != nullptr) {
+    // The description stays, and its line; lists are values that the host has saved.
+    Settings delivered = imu.settings;
+    for (const Setting& setting : imu.protocol->settings)
+      if (std::holds_alternative<std::span<const std::string_view>>(setting.initial))
+        delivered.set(setting.key, std::vector<std::string>());
+    return delivered;
+  }
   Settings settings(imu.protocol->settings);
   try {
     static_cast<void>(imu.protocol->make(settings));

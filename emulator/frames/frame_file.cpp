@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "core/time.hpp"
+#include "emulator/frames/frame_tables.hpp"
 #include "emulator/ground/table_reader.hpp"
 #include "emulator/plan/config.hpp"
 #include "protocols/frames/frame_device.hpp"
@@ -35,28 +36,16 @@ std::string content_of(const std::string& path) {
   return text;
 }
 
-// Returns the tables of [[key]]; adds a fault if it is something else.
-std::vector<const toml::table*> tables_of(TableReader& table, std::string_view key, std::size_t most) {
-  const toml::node* node = table.node(key);
-  if (node == nullptr) return {};
-  const toml::array* array = node->as_array();
-  std::vector<const toml::table*> tables;
-  if (array == nullptr || !array->is_array_of_tables())
-    table.fault(key, fmt::format("give tables, each as [[{}]]", key));
-  else if (array->size() > most)
-    table.fault(key, fmt::format("there are more than {}", most));
-  else
-    for (const toml::node& one : *array) tables.push_back(one.as_table());
-  return tables;
-}
-
 bool is_big(TableReader& table, bool fallback) {
   return table.choice<bool>("byte_order", {{false, "little"}, {true, "big"}}, fallback);
 }
 
-UartSettings read_line(TableReader table) {
+UartSettings read_line(TableReader table, std::string& baud_setting) {
   UartSettings uart;
-  uart.baud = static_cast<unsigned>(table.unsigned_integer("baud", 0, 20'000'000));
+  if (is_text(table, "baud"))
+    baud_setting = table.text("baud", "");
+  else
+    uart.baud = static_cast<unsigned>(table.unsigned_integer("baud", 0, 20'000'000));
   uart.parity = table.choice<Parity>("parity", {{Parity::none, "none"}, {Parity::even, "even"}, {Parity::odd, "odd"}},
                                      Parity::none);
   uart.stop_bits = static_cast<unsigned>(table.unsigned_integer("stop_bits", 1, 2));
@@ -215,7 +204,8 @@ FrameDescription::Message read_message(TableReader table, std::uint32_t line, bo
   message.line = line;
   message.name = table.text("name", fmt::format("{}", number + 1));
   message.is_big = is_big(table, big);
-  message.rate_hz = table.real("rate_hz", 0, 0, Grid::max_rate_hz);
+  read_switch(table, message);
+  if (message.rate_setting.empty()) message.rate_hz = table.real("rate_hz", 0, 0, Grid::max_rate_hz);
   if (message.rate_hz > 0 && message.rate_hz < 1e-3) table.fault("rate_hz", "give at least 0.001");
   message.divider = table.unsigned_integer("divider", 1, FrameDescription::most_samples);
   read_phases(table, message);
@@ -241,8 +231,10 @@ void read_root(TableReader& table, Faults& faults, toml::table& resolved, FrameD
   using enum FrameEscape;
   description.escape = table.choice<FrameEscape>(
       "escape", {{none, "none"}, {slip, "slip"}, {hdlc, "hdlc"}, {dle, "dle"}, {cobs, "cobs"}}, none);
-  description.uart = read_line(table.child("line"));
+  description.uart = read_line(table.child("line"), description.baud_setting);
   description.start = read_start(table.child("start"));
+  description.host.is_big = big;
+  read_host(table, faults, resolved, description.host);
   read_checks(table, description);
   require(table, "message", "at least one [[message]]");
   for (const toml::table* one : tables_of(table, "message", FrameDescription::most_messages)) {
@@ -269,11 +261,17 @@ std::shared_ptr<const FrameDescription> frames_of_text(std::string_view text, co
   }
   TableReader table(&root, "", 1, faults, resolved);
   read_root(table, faults, resolved, *description);
-  if (faults.all().empty()) try {
-      static_cast<void>(frame_messages(*description));
+  const auto attempt = [&](auto act) {
+    try {
+      act();
     } catch (const FrameFaults& error) {
       for (const FrameFault& fault : error.faults) faults.add(fault.line, fault.where, fault.what);
     }
+  };
+  if (faults.all().empty()) {
+    attempt([&] { static_cast<void>(frame_messages(*description)); });
+    attempt([&] { test_frame_requests(*description); });
+  }
   if (!faults.all().empty()) throw ConfigError(faults.all());
   return description;
 }

@@ -1,5 +1,5 @@
 // Any serial sensor whose frames a file describes (protocols/frames/README.md): the messages that are due with each
-// sample, as the file lays out their bytes.
+// sample, as the file lays out their bytes, and the answers to the requests of a host.
 //
 // [imu.device]
 // frame_file = "my.toml"
@@ -7,11 +7,13 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <memory>
 #include <stdexcept>
 #include <string>
 
 #include "core/units.hpp"
 #include "protocols/frames/frame_device.hpp"
+#include "protocols/wire/number_text.hpp"
 
 namespace imud {
 namespace {
@@ -63,20 +65,61 @@ UartSettings uart_of(const FrameDescription& description, const Settings& settin
   return uart;
 }
 
+// Returns the values of the description's settings that the configuration gives.
+std::vector<FrameChosen> stored_values(const FrameSettings& described, const Settings& settings) {
+  std::vector<FrameChosen> all;
+  for (const std::string& text : settings.list("settings")) try {
+      const std::size_t equals = text.find('=');
+      if (equals == std::string::npos) throw std::invalid_argument("give NAME=VALUE");
+      const std::size_t setting = described.at(text.substr(0, equals));
+      all.push_back({setting, described.value_at(setting, text.substr(equals + 1))});
+    } catch (const std::invalid_argument& error) {
+      throw std::invalid_argument("settings: " + text + ": " + error.what());
+    }
+  return all;
+}
+
+// Returns the listening part of the unit. `baud` of the configuration is a value that a host has saved.
+FrameHost host_of(const FrameDescription& description, const Settings& settings) {
+  FrameHost host(std::make_shared<const FrameRequests>(description));
+  for (const FrameChosen chosen : stored_values(host.requests().settings(), settings)) host.store(chosen);
+  const std::int64_t baud = settings.integer("baud");
+  if (const auto setting = host.requests().baud_setting(); setting && baud != 0) {
+    const auto value = host.requests().settings().find_value(*setting, std::to_string(baud));
+    if (!value)
+      throw std::invalid_argument("baud: " + std::to_string(baud) + " is no value of the setting " +
+                                  description.baud_setting + " of " + description.file +
+                                  "; imud check prints its values");
+    host.store({*setting, *value});
+  }
+  return host;
+}
+
+// Returns the highest rate at which a message may be sent.
+double highest_rate_hz(const FrameDescription& description, const FrameDescription::Message& message) {
+  double highest = message.rate_hz;
+  for (const FrameHostDescription::Setting& setting : description.host.settings)
+    if (setting.name == message.rate_setting)
+      for (const std::string& value : setting.values)
+        highest = std::max(highest, number_in<double>(value).value_or(0));
+  return highest;
+}
+
 // A message cannot be sent more often than there are samples.
 void check_rates(const Settings& settings, double rate_hz) {
   const FrameDescription description = description_of(settings);
   for (const FrameDescription::Message& message : description.messages) {
-    if (message.rate_hz <= rate_hz * (1 + 1e-6)) continue;
+    const double highest = highest_rate_hz(description, message);
+    if (highest <= rate_hz * (1 + 1e-6)) continue;
     char text[160];
-    std::snprintf(text, sizeof text, "rate_hz is %g, but with rate_hz = %g of the imu there are no more samples",
-                  message.rate_hz, rate_hz);
+    std::snprintf(text, sizeof text, "rate_hz %s %g, but with rate_hz = %g of the imu there are no more samples",
+                  message.rate_setting.empty() ? "is" : "is a setting that a host may set to", highest, rate_hz);
     throw std::invalid_argument("frame_file: " + description.file + ": line " + std::to_string(message.line) +
                                 ": message \"" + message.name + "\": " + text);
   }
 }
 
-std::string when(const FrameMessage& message) {
+std::string rate_text(const FrameMessage& message) {
   if (message.period.count() == 0 && message.phases.size() == message.divider) return "with every sample";
   char text[80];
   if (message.period.count() != 0)
@@ -87,16 +130,30 @@ std::string when(const FrameMessage& message) {
   return text;
 }
 
+std::string when(const FrameMessage& message, const FrameDescription::Message& described) {
+  if (!described.is_streamed) return "when a request polls it";
+  std::string text = described.rate_setting.empty() ? rate_text(message) : "at " + described.rate_setting + " Hz";
+  const char* word = ", while ";
+  for (const FrameHostDescription::Choice& choice : described.when) {
+    text += word + choice.setting;
+    for (const std::string& value : choice.values) text += (&value == choice.values.data() ? " = " : " or ") + value;
+    word = " and ";
+  }
+  return text;
+}
+
 std::vector<std::string> layout_of(const Settings& settings) {
   const FrameDescription description = description_of(settings);
   std::vector<std::string> lines;
   if (description.escape != FrameEscape::none)
     lines.push_back(fmt::format("{}: the frames, whose bytes follow, are sent with the escapes of {}",
                                 description.name, escape_name(description.escape)));
+  std::size_t index = 0;
   for (const FrameMessage& message : frame_messages(description)) {
     const bool varies = std::ranges::any_of(message.layout->rows(), [](const auto& row) { return row.size == 0; });
     lines.push_back(fmt::format("{}, message \"{}\": {}{} bytes, {}", description.name, message.name,
-                                varies ? "at most " : "", message.layout->longest(), when(message)));
+                                varies ? "at most " : "", message.layout->longest(),
+                                when(message, description.messages[index++])));
     const std::vector<MessageLayout::Row>& rows = message.layout->rows();
     std::size_t type = 4, lsb = 3, unit = 4;
     for (const MessageLayout::Row& row : rows) {
@@ -115,6 +172,7 @@ std::vector<std::string> layout_of(const Settings& settings) {
     add("offset", {{}, 0, "type", "LSB", "unit", "name"});
     for (const MessageLayout::Row& row : rows) add(row.offset ? fmt::format("{:6}", *row.offset) : "", row);
   }
+  for (std::string& line : frame_request_rows(description)) lines.push_back(std::move(line));
   return lines;
 }
 
@@ -122,13 +180,18 @@ constexpr Setting settings[] = {
     frames_setting("frame_file",
                    "file that describes the frames, or the name of a shipped description (imud list frame); without "
                    "it, one message is an example"),
+    list_setting("settings",
+                 "values of the description's settings that a host has saved in the unit before, as {NAME = VALUE}"),
     integer_setting("baud", "bit rate of the line, in place of that of the file; 0: as the file has it", 0, 0,
                     20'000'000),
 };
 
 constexpr DeviceCounter counters[] = {
     {"saturated_fields", "fields saturated",
-     "a value is beyond the range of its field, and was sent as the nearest in it; see protocols/frames/README.md"}};
+     "a value is beyond the range of its field, and was sent as the nearest in it; see protocols/frames/README.md"},
+    {"unknown_bytes", "bytes of the host that no request matched",
+     "the host has sent what the description has no [[request]] for; imud check prints those that it has"},
+    {"lost_answers", "answers for which there was no room"}};
 
 }  // namespace
 
@@ -154,11 +217,17 @@ extern constexpr Protocol frame_protocol = {
     .check = check_rates,
     .make = [](const Settings& chosen) -> std::unique_ptr<Device> {
       const FrameDescription description = description_of(chosen);
-      return std::make_unique<FrameDevice>(frame_messages(description), description, uart_of(description, chosen));
+      return std::make_unique<FrameDevice>(frame_messages(description), description, host_of(description, chosen),
+                                           uart_of(description, chosen));
     },
     .make_decoder = [](const Settings& chosen) -> std::unique_ptr<Decoder> {
       const FrameDescription description = description_of(chosen);
-      return std::make_unique<FrameStreamDecoder>(frame_messages(description), description.escape);
+      const FrameSettings described(description);
+      std::vector<std::uint8_t> values;
+      for (std::size_t i = 0; i < described.size(); ++i)
+        values.push_back(static_cast<std::uint8_t>(described[i].delivered));
+      for (const auto [setting, value] : stored_values(described, chosen)) values[setting] = value;
+      return std::make_unique<FrameStreamDecoder>(frame_messages(description), description.escape, values);
     },
 };
 

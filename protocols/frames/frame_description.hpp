@@ -12,6 +12,7 @@
 
 #include "core/time.hpp"
 #include "core/uart.hpp"
+#include "protocols/frames/frame_host_description.hpp"
 #include "protocols/wire/crc.hpp"
 
 namespace imud {
@@ -60,6 +61,10 @@ struct FrameDescription {
     std::vector<Text> layout;
     std::optional<Text> text;  // of a line of text, in place of the layout
     std::vector<Test> tests;
+
+    std::string rate_setting;                        // that has the rate; empty: `rate_hz`
+    std::vector<FrameHostDescription::Choice> when;  // sent while all of these hold
+    bool is_streamed = true;                         // false: only sent when a request polls it
   };
 
   // After power on; counted from then.
@@ -77,6 +82,9 @@ struct FrameDescription {
   FrameEscape escape = FrameEscape::none;
   std::vector<Check> checks;
   std::vector<Message> messages;
+
+  FrameHostDescription host;
+  std::string baud_setting;  // that has the bit rate of the line; empty: `uart`
 };
 
 // A fault of a description, and its remedy.

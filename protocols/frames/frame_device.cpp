@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <stdexcept>
+#include <utility>
 
 #include "core/attitude.hpp"
 #include "protocols/frames/frame_layout.hpp"
@@ -25,16 +26,25 @@ std::vector<FrameMessage> frame_messages(const FrameDescription& description) {
   std::vector<FrameMessage> messages;
   std::vector<FrameFault> faults;
   std::size_t bytes = 0;
+  const FrameSettings settings(description);
   for (const FrameDescription::Message& message : description.messages) try {
-      messages.push_back({message.name, message.line,
-                          message.rate_hz > 0 ? nanoseconds(1 / message.rate_hz) : Nanoseconds{}, message.divider,
-                          message.phases, layout_of(description, message)});
+      messages.push_back({message.name,
+                          message.line,
+                          message.rate_hz > 0 ? nanoseconds(1 / message.rate_hz) : Nanoseconds{},
+                          message.divider,
+                          message.phases,
+                          layout_of(description, message),
+                          {}});
+      if (settings.faults().empty()) messages.back().by_settings = settings.switch_of(message, faults);
       bytes += longest_escaped(description.escape, messages.back().layout->longest());
     } catch (const FrameFaults& error) {
       faults.insert(faults.end(), error.faults.begin(), error.faults.end());
     }
   if (faults.empty() && (messages.empty() || messages.size() > FrameDescription::most_messages))
     faults.push_back({1, "message", "describe 1 to 64 messages, each as [[message]]"});
+  if (description.escape != FrameEscape::none && !description.host.requests.empty())
+    faults.push_back({description.host.requests.front().line, "request",
+                      "requests that are escaped are not read; leave escape or the requests out"});
   if (faults.empty() && bytes > FrameBuffer::max_bytes)
     faults.push_back({1, "message",
                       "all messages together have " + std::to_string(bytes) + " bytes; with one sample at most " +
@@ -43,40 +53,63 @@ std::vector<FrameMessage> frame_messages(const FrameDescription& description) {
   return messages;
 }
 
-FrameDevice::FrameDevice(std::vector<FrameMessage> messages, const FrameDescription& description,
+FrameDevice::FrameDevice(std::vector<FrameMessage> messages, const FrameDescription& description, FrameHost host,
                          const UartSettings& uart)
-    : uart_(uart), starting_(description.start), escape_(description.escape) {
+    : host_(std::move(host)),
+      uart_(uart),
+      starting_(description.start),
+      escape_(description.escape),
+      keeps_newest_(host_.requests().needs_samples()) {
   for (FrameMessage& message : messages) {
     scheduled_.push_back({.message = std::move(message)});
     const MessageLayout& layout = *scheduled_.back().message.layout;
     scheduled_.back().carried.resize(layout.carries());
     if (escape_ != FrameEscape::none) content_.resize(std::max(content_.size(), layout.longest()));
   }
+  for (const FrameRequest& request : host_.requests().all()) keeps_newest_ |= request.poll.has_value();
+  power_on({});
 }
 
 void FrameDevice::power_on(DeviceTime now) noexcept {
+  host_.power_on();
   powered_ = now;
+  newest_ = {};
+  newest_.time = now;
+  restart();
+}
+
+// The next sample starts periods and dividers.
+void FrameDevice::restart() noexcept {
   start_.reset();
+  for (Scheduled& one : scheduled_) one.is_polled = false;
+  switch_messages();
 }
 
 void FrameDevice::step_clock(Nanoseconds by) noexcept {
   powered_ = powered_ + by;
   if (start_) start_ = *start_ + by;
+  newest_.time = newest_.time + by;
   for (Scheduled& one : scheduled_) one.sent = one.sent + by;
+  host_.step_clock(by);
 }
 
-void FrameDevice::restart(DeviceTime now) noexcept {
+void FrameDevice::start(DeviceTime now) noexcept {
   start_ = now;
   samples_ = 0;
   frames_ = 0;
   for (Scheduled& one : scheduled_) {
     one.number = -1;
-    one.sent = now;
-    one.delta_angle.setZero();
-    one.delta_velocity.setZero();
-    one.rotation.setIdentity();
+    one.skew = 0;
+    clear_increments(one, now);
     std::ranges::fill(one.carried, 0);
   }
+}
+
+void FrameDevice::clear_increments(Scheduled& one, DeviceTime now) noexcept {
+  one.sent = now;
+  one.delta_angle.setZero();
+  one.delta_velocity.setZero();
+  one.rotation.setIdentity();
 }
 
 // Returns the number of the message that was due last.
@@ -94,12 +127,16 @@ void FrameDevice::sample(const Sample& sample, FrameBuffer& out) noexcept {
   constexpr std::uint64_t longest_gap = 1 << 30;  // samples; more is no gap
   if (sample.time - powered_ < starting_.silent) return;
   if (!start_) {
-    restart(sample.time);
+    start(sample.time);
   } else {
     const std::uint64_t steps = sample.counter - counter_;
     samples_ += steps == 0 || steps > longest_gap ? 1 : static_cast<std::int64_t>(steps);
   }
   counter_ = sample.counter;
+  if (keeps_newest_)
+    newest_ = sample;
+  else
+    newest_.time = sample.time;
   for (Scheduled& one : scheduled_) {
     if (one.message.layout->has_increments()) {
       one.delta_angle += sample.delta_angle;
@@ -108,9 +145,17 @@ void FrameDevice::sample(const Sample& sample, FrameBuffer& out) noexcept {
       one.rotation = (one.rotation * exp(turn)).normalized();
     }
     const std::int64_t number = number_at(one, sample.time);
-    if (number <= one.number) continue;
-    one.number = number;
-    send(one, sample, out);
+    const bool is_due = number > one.number;
+    if (!is_due && !one.is_polled) continue;
+    if (is_due && !one.is_on) one.skew -= number - one.number;
+    if (is_due) one.number = number;
+    const bool is_streamed = is_due && one.is_on;
+    if (!is_streamed && one.is_polled) ++one.skew;
+    if (is_streamed || one.is_polled)
+      send(one, sample, out);
+    else if (one.message.by_settings.is_streamed)
+      clear_increments(one, sample.time);
+    one.is_polled = false;
   }
 }
 
@@ -120,17 +165,62 @@ void FrameDevice::send(Scheduled& one, const Sample& sample, FrameBuffer& out) n
   const std::size_t longest = longest_escaped(escape_, layout.longest());
   const std::span<std::byte> room = out.room(longest);
   if (room.size() != longest) return;
-  const MessageLayout::State state{static_cast<std::uint64_t>(one.number), frames_++,
+  const MessageLayout::State state{static_cast<std::uint64_t>(one.number + one.skew), frames_++,
                                    sample.time - powered_ < starting_.until};
   const auto [size, saturated] =
       layout.encode({sample, one.delta_angle, one.delta_velocity, one.rotation, seconds(sample.time - one.sent)},
                     state, one.carried, is_escaped ? std::span(content_) : room);
-  saturated_ += saturated;
+  counts_[0] += saturated;
   out.push(is_escaped ? escape_frame(escape_, std::span(content_).first(size), room) : size);
-  one.sent = sample.time;
-  one.delta_angle.setZero();
-  one.delta_velocity.setZero();
-  one.rotation.setIdentity();
+  clear_increments(one, sample.time);
+}
+
+// --- The host ---
+void FrameDevice::receive(const Frame& from_host, DeviceTime now, FrameBuffer& replies) noexcept {
+  host_.receive(from_host.bytes, now, *this, replies);
+  publish();
+}
+
+void FrameDevice::poll(DeviceTime now, FrameBuffer& out) noexcept {
+  host_.poll(now, *this, out);
+  publish();
+}
+
+void FrameDevice::publish() noexcept {
+  counts_[1] = host_.unknown_bytes();
+  counts_[2] = host_.lost_answers();
+}
+
+UartSettings FrameDevice::uart() const noexcept {
+  UartSettings uart = uart_;
+  uart.baud = host_.baud().value_or(uart.baud);
+  return uart;
+}
+
+void FrameDevice::poll_message(std::size_t message, DeviceTime, FrameBuffer& out) noexcept {
+  Scheduled& one = scheduled_[message];
+  if (!start_) {
+    one.is_polled = true;
+    return;
+  }
+  ++one.skew;
+  send(one, newest_, out);
+}
+
+// A changed rate takes effect on the grid of its period since the start.
+void FrameDevice::switch_messages() noexcept {
+  for (Scheduled& one : scheduled_) {
+    const FrameSwitch& by_settings = one.message.by_settings;
+    one.is_on = by_settings.is_on(host_.values()) && host_.is_streaming();
+    if (!by_settings.rate) continue;
+    const Nanoseconds period = by_settings.periods[host_.values()[*by_settings.rate]];
+    if (period.count() == 0 || period == one.message.period) continue;
+    one.message.period = period;
+    if (!start_) continue;
+    const std::int64_t number = number_at(one, newest_.time);
+    one.skew += one.number - number;
+    one.number = number;
+  }
 }
 
 }  // namespace imud

@@ -2,6 +2,7 @@
 // stream.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -10,6 +11,7 @@
 
 #include "protocols/frames/frame_description.hpp"
 #include "protocols/frames/frame_escape.hpp"
+#include "protocols/frames/frame_host.hpp"
 #include "protocols/frames/message_layout.hpp"
 #include "protocols/protocol.hpp"
 #include "protocols/wire/frame_search.hpp"
@@ -24,6 +26,7 @@ struct FrameMessage {
   std::uint64_t divider = 1;  // with the samples of numbers phase + k * divider since the start
   std::vector<std::uint64_t> phases = {0};
   std::shared_ptr<const MessageLayout> layout;
+  FrameSwitch by_settings;
 };
 
 // Returns true if one sample may have both messages.
@@ -33,31 +36,47 @@ bool may_coincide(const FrameMessage& a, const FrameMessage& b);
 std::vector<FrameMessage> frame_messages(const FrameDescription& description);
 
 // Sends the messages that are due with each sample, in the order of the file. Increments are the sums since the same
-// message was last sent. The first sample after power on starts periods and dividers.
-class FrameDevice final : public Device {
+// message was last sent. The first sample after power on starts periods and dividers. While a message is switched
+// off, by the stream or by a setting, its increments are those since it was last due, and it is not counted.
+class FrameDevice final : public Device, private FrameHost::Unit {
  public:
-  FrameDevice(std::vector<FrameMessage> messages, const FrameDescription& description, const UartSettings& uart);
+  FrameDevice(std::vector<FrameMessage> messages, const FrameDescription& description, FrameHost host,
+              const UartSettings& uart);
 
   void power_on(DeviceTime now) noexcept override;
   void sample(const Sample& sample, FrameBuffer& out) noexcept override;
+  void receive(const Frame& from_host, DeviceTime now, FrameBuffer& replies) noexcept override;
+  std::optional<DeviceTime> deadline() const noexcept override { return host_.deadline(); }
+  void poll(DeviceTime now, FrameBuffer& out) noexcept override;
   void step_clock(Nanoseconds by) noexcept override;
-  UartSettings uart() const noexcept override { return uart_; }
-  std::span<const std::uint64_t> counts() const noexcept override { return {&saturated_, 1}; }
+  UartSettings uart() const noexcept override;
+  std::span<const std::uint64_t> counts() const noexcept override { return counts_; }
 
  private:
   struct Scheduled {
     FrameMessage message;
-    std::int64_t number = -1;  // of the message that was sent last; alive_counter has it
+    std::int64_t number = -1;  // of the message that was due last
+    std::int64_t skew = 0;     // alive_counter is `number` plus this: polls, less what was due while switched off
+    bool is_on = true;
+    bool is_polled = false;  // before the first sample
     DeviceTime sent = {};
     Vector3 delta_angle = Vector3::Zero(), delta_velocity = Vector3::Zero();
     Quaternion rotation = Quaternion::Identity();
     std::vector<double> carried = {};
   };
-  void restart(DeviceTime now) noexcept;
+  const Sample& newest() const noexcept override { return newest_; }
+  void poll_message(std::size_t message, DeviceTime now, FrameBuffer& out) noexcept override;
+  void switch_messages() noexcept override;
+  void restart() noexcept override;
+
+  void start(DeviceTime now) noexcept;
+  void clear_increments(Scheduled& one, DeviceTime now) noexcept;
+  void publish() noexcept;
   std::int64_t number_at(const Scheduled& one, DeviceTime now) const noexcept;
   void send(Scheduled& one, const Sample& sample, FrameBuffer& out) noexcept;
 
   std::vector<Scheduled> scheduled_;
+  FrameHost host_;
   UartSettings uart_;
   FrameDescription::Start starting_;
   FrameEscape escape_;
@@ -67,18 +86,24 @@ class FrameDevice final : public Device {
   std::uint64_t counter_ = 0;        // of the last sample
   std::int64_t samples_ = 0;         // since the start
   std::uint64_t frames_ = 0;         // sent since the start
-  std::uint64_t saturated_ = 0;      // fields, in all messages
+  bool keeps_newest_ = false;        // requests need it
+  Sample newest_;                    // else only its time is set
+  // Fields that saturated, in all messages, and FrameHost's counts.
+  std::array<std::uint64_t, 3> counts_ = {};
 };
 
 // Finds the frames by their constants and checks, and collects the messages of a sample to a measurement. Messages
-// that are sent most often must all be there, in the order of the file; others may be missing, and so may one whose
-// phases exclude a message that is there. The measurement is complete when no other message can belong to it, or when
-// the next sample begins. A vector has its field set if all
-// components that the messages carry are there; the others are 0. Clocks and counters go on where they begin again; a
-// stream without a counter of samples has its counter of messages.
+// that are sent most often must all be there, in the order of the file; others may be missing, and so may messages
+// that settings switch, or whose phases exclude a message that is there. The measurement is complete when no other
+// message can belong to it, or when the next sample begins. A vector has its field set if all components that the
+// messages carry are there; the others are 0. Clocks and counters go on where they begin again; a stream without a
+// counter of samples has its counter of messages.
 class FrameStreamDecoder final : public Decoder {
  public:
-  FrameStreamDecoder(std::vector<FrameMessage> messages, FrameEscape escape);
+  // `values`: of the settings that the unit probably has. Messages that are sent with these are tried first, as
+  // others may have the same constants.
+  FrameStreamDecoder(std::vector<FrameMessage> messages, FrameEscape escape,
+                     std::span<const std::uint8_t> values = {});
 
   void feed(const Frame& frame, MeasurementSink& sink) override;
   void finish(MeasurementSink& sink) override;
@@ -109,9 +134,10 @@ class FrameStreamDecoder final : public Decoder {
   void choose_clocks();
 
   std::vector<Known> known_;
-  std::uint32_t components_ = 0;              // that all messages together carry
-  std::uint64_t clocks_ = 0, counters_ = 0;   // bits of the messages whose clock and counter are read
-  std::optional<std::size_t> alive_counter_;  // index of the one whose own counter is read
+  std::vector<std::size_t> order_;  // in which they are tried
+  std::uint32_t components_ = 0;    // that all messages together carry
+  // Bits of the messages whose clock, counter of samples, and own counter are read.
+  std::uint64_t clocks_ = 0, counters_ = 0, alive_counters_ = 0;
   Continued time_, count_;
 
   Search search_;

@@ -144,6 +144,12 @@ void FrameLayout::write_checks(std::span<std::byte> frame) const noexcept {
           {Format::unsigned_integer, one.check.size(), one.is_big}, frame.data() + one.offset);
 }
 
+bool FrameLayout::may_coincide(const FrameLayout& other) const noexcept {
+  for (std::size_t i = 0; i < std::min(size(), other.size()); ++i)
+    if (((template_[i] ^ other.template_[i]) & constant_[i] & other.constant_[i]) != std::byte{0}) return false;
+  return true;
+}
+
 FrameLayout::Found FrameLayout::match(std::span<const std::byte> held) const noexcept {
   const std::size_t known = std::min(held.size(), size());
   for (std::size_t i = 0; i < known; ++i)

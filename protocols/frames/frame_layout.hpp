@@ -33,6 +33,10 @@ class FrameLayout final : public MessageLayout {
                  std::span<std::byte> frame) const noexcept override {
     return {size(), write(reading, state, nullptr, carried, frame)};
   }
+  // Writes the checks of a frame of which some bytes were changed.
+  void seal(std::span<std::byte> frame) const noexcept { write_checks(frame); }
+  // Returns true if the constants allow bytes that begin with a frame of this layout and with one of the other.
+  bool may_coincide(const FrameLayout& other) const noexcept;
   Found match(std::span<const std::byte> held) const noexcept override;
   std::int64_t time_lsb_ns() const noexcept override { return clock_ ? fields_[*clock_].time_lsb_ns : 1; }
   Decoded wrapping() const noexcept override;

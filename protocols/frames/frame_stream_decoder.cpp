@@ -19,6 +19,7 @@ constexpr std::uint64_t bit(std::size_t index) noexcept { return std::uint64_t{1
 }  // namespace
 
 bool may_coincide(const FrameMessage& a, const FrameMessage& b) {
+  if (a.by_settings.excludes(b.by_settings)) return false;
   if (a.period.count() != 0 || b.period.count() != 0) return true;
   // There is a number that has both remainders if they are the same modulo the common divisor.
   const std::uint64_t common = std::gcd(a.divider, b.divider);
@@ -33,15 +34,25 @@ bool may_coincide(const FrameMessage& a, const FrameMessage& b) {
   return !both.empty();
 }
 
-FrameStreamDecoder::FrameStreamDecoder(std::vector<FrameMessage> messages, FrameEscape escape)
+FrameStreamDecoder::FrameStreamDecoder(std::vector<FrameMessage> messages, FrameEscape escape,
+                                       std::span<const std::uint8_t> values)
     : escape_(escape), reader_(escape) {
-  const auto most = std::ranges::min_element(messages, is_more_frequent);
+  const FrameMessage* most = nullptr;  // of the messages that are always sent
+  for (const FrameMessage& message : messages)
+    if (message.by_settings.is_always_on() && (most == nullptr || is_more_frequent(message, *most))) most = &message;
   for (const FrameMessage& message : messages) {
     components_ |= message.layout->components();
-    known_.push_back({message, !is_more_frequent(*most, message)});
+    known_.push_back(
+        {message, most != nullptr && message.by_settings.is_always_on() && !is_more_frequent(*most, message)});
     for (std::size_t i = 0; i < messages.size(); ++i)
       if (&messages[i] != &message && may_coincide(message, messages[i])) known_.back().partners |= bit(i);
   }
+  const auto is_likely = [&](std::size_t i) {
+    return known_[i].message.by_settings.when.empty() || known_[i].message.by_settings.is_on(values);
+  };
+  order_.resize(known_.size());
+  std::iota(order_.begin(), order_.end(), std::size_t{0});
+  std::stable_partition(order_.begin(), order_.end(), is_likely);
   begin();
   choose_clocks();
 }
@@ -61,23 +72,26 @@ void FrameStreamDecoder::choose_clocks() {
       best = std::max(best, round);
     }
   };
-  std::optional<std::size_t> clock, counter;
+  std::optional<std::size_t> clock, counter, alive_counter;
   choose(clock, &MessageLayout::Decoded::time);
   choose(counter, &MessageLayout::Decoded::counter);
-  if (!counter) choose(alive_counter_, &MessageLayout::Decoded::alive_counter);
-  // Others that have the same clock or counter are read, too.
-  for (std::size_t i = 0; i < known_.size(); ++i) {
-    const MessageLayout& layout = *known_[i].message.layout;
-    const MessageLayout::Decoded has = layout.wrapping();
-    const auto is_like = [&](const std::optional<std::size_t>& chosen,
-                             std::optional<Wrapping> MessageLayout::Decoded::*part) {
-      if (!chosen || !(has.*part)) return false;
-      const MessageLayout& like = *known_[*chosen].message.layout;
-      return (has.*part)->period == (like.wrapping().*part)->period && layout.time_lsb_ns() == like.time_lsb_ns();
-    };
-    if (is_like(clock, &MessageLayout::Decoded::time)) clocks_ |= bit(i);
-    if (is_like(counter, &MessageLayout::Decoded::counter)) counters_ |= bit(i);
-  }
+  if (!counter) choose(alive_counter, &MessageLayout::Decoded::alive_counter);
+  // Others that have the same clock or counter are read, too, and those that settings let stand in its place.
+  const auto all_like = [this](const std::optional<std::size_t>& chosen,
+                               std::optional<Wrapping> MessageLayout::Decoded::*part, bool is_own) {
+    std::uint64_t all = 0;
+    for (std::size_t i = 0; chosen && i < known_.size(); ++i) {
+      const FrameMessage &one = known_[i].message, &like = known_[*chosen].message;
+      const std::optional<Wrapping> has = one.layout->wrapping().*part;
+      const bool is_like = has && !is_own && has->period == (like.layout->wrapping().*part)->period &&
+                           one.layout->time_lsb_ns() == like.layout->time_lsb_ns();
+      if (i == *chosen || is_like || (has && like.by_settings.excludes(one.by_settings))) all |= bit(i);
+    }
+    return all;
+  };
+  clocks_ = all_like(clock, &MessageLayout::Decoded::time, false);
+  counters_ = all_like(counter, &MessageLayout::Decoded::counter, false);
+  alive_counters_ = all_like(alive_counter, &MessageLayout::Decoded::alive_counter, true);
 }
 
 std::uint64_t FrameStreamDecoder::Continued::next(const Wrapping& read, bool may_go_back) noexcept {
@@ -131,9 +145,9 @@ bool FrameStreamDecoder::accept(std::size_t index, std::span<const std::byte> fr
     sample.counter = count_.next(*read_counter, read_counter->period > short_round);
     set_.measurement.fields |= Measurement::counter;
   };
-  if ((counters_ & bit(index)) != 0) count(decoded->counter);
-  if (index == alive_counter_) count(decoded->alive_counter);
-  if ((clocks_ & bit(index)) != 0) {
+  if ((counters_ & bit(index)) != 0 && decoded->counter) count(decoded->counter);
+  if ((alive_counters_ & bit(index)) != 0 && decoded->alive_counter) count(decoded->alive_counter);
+  if ((clocks_ & bit(index)) != 0 && decoded->time) {
     const std::uint64_t ticks = time_.next(*decoded->time, true);
     sample.time.ns = static_cast<std::int64_t>(ticks * static_cast<std::uint64_t>(layout.time_lsb_ns()));
     set_.measurement.fields |= Measurement::time;
@@ -145,7 +159,7 @@ bool FrameStreamDecoder::accept(std::size_t index, std::span<const std::byte> fr
 std::size_t FrameStreamDecoder::parse(std::span<const std::byte> held, MeasurementSink& sink) {
   using enum MessageLayout::Match;
   bool is_unfinished = false, has_wrong_check = false, is_malformed = false;
-  for (std::size_t i = 0; i < known_.size(); ++i) {
+  for (const std::size_t i : order_) {
     const auto [match, size] = known_[i].message.layout->match(held);
     is_unfinished |= match == unfinished;
     has_wrong_check |= match == wrong_check;

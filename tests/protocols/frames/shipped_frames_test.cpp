@@ -56,7 +56,7 @@ TEST(ShippedFrames, AreDecodedWithinAnLsb) {
     for (int k = 0; k < 20; ++k) {
       for (const Frame& frame : line.encode(sample)) line.decoder->feed(frame, recording);
       ++sample.counter;
-      sample.time = sample.time + std::chrono::milliseconds(10);
+      sample.time = sample.time + std::chrono::milliseconds(100);  // the slowest sends at 10 Hz as delivered
     }
     line.decoder->finish(recording);
     const DecodeErrors& errors = line.decoder->errors();
@@ -70,7 +70,7 @@ TEST(ShippedFrames, AreDecodedWithinAnLsb) {
       if ((measurement.fields & Measurement::rate) != 0) {
         EXPECT_LE((measurement.sample.rate - sample.rate).norm(), 1e-3) << measurement.sample.rate.transpose();
       } else {
-        EXPECT_EQ(shipped.name, "bno08x-rvc");
+        EXPECT_TRUE(shipped.name == "bno08x-rvc" || (measurement.fields & Measurement::delta_angle) != 0);
       }
       EXPECT_NE(measurement.fields & Measurement::specific_force, 0U);
       EXPECT_LE((measurement.sample.specific_force - sample.specific_force).norm(), 0.02);
@@ -92,13 +92,13 @@ TEST(ShippedFrames, AllocateNothingOnceMade) {
       sample.time = sample.time + std::chrono::milliseconds(10);
     }
     line.device->power_on(sample.time);
-    EXPECT_EQ(allocations() - before, 0U);
+    EXPECT_EQ(allocations() - before, 0U);  // frame_request_fuzz_test.cpp counts while the host sends
   }
 }
 
 // Each bit of a frame in error, between good frames: no wrong number, and the good frames are found.
 TEST(ShippedFrames, RefuseEveryBitInError) {
-  const std::set<std::string_view> slow = {"sensaition-ins", "mavlink-hil", "mavlink-imu"};
+  const std::set<std::string_view> slow = {"sensaition-ins", "witmotion", "mavlink-hil", "mavlink-imu"};
   int refused = 0;
   for (const ShippedFrames& shipped : shipped_frames()) {
     SCOPED_TRACE(shipped.name);
@@ -121,11 +121,13 @@ TEST(ShippedFrames, RefuseEveryBitInError) {
         EXPECT_GT(errors.skipped_bytes + errors.checksum, 0U) << "bit " << bit;
         continue;
       }
-      // A message that not every sample has does not count.
+      // A message that not every sample has, or that a setting may switch off, does not count.
       ASSERT_GE(recording.measurements.size(), 2U) << "bit " << bit;
       ASSERT_LE(recording.measurements.size(), has_slow ? 3U : 2U) << "bit " << bit;
       for (const Measurement& measurement : recording.measurements)
-        ASSERT_LE((measurement.sample.specific_force - typical().specific_force).norm(), 0.02) << "bit " << bit;
+        if (shipped.name != "witmotion" || (measurement.fields & Measurement::specific_force) != 0) {
+          ASSERT_LE((measurement.sample.specific_force - typical().specific_force).norm(), 0.02) << "bit " << bit;
+        }
       EXPECT_GT(errors.skipped_bytes, 0U) << "bit " << bit;
       EXPECT_EQ(errors.malformed, 0U) << "bit " << bit;
     }

@@ -1,0 +1,20 @@
+// The parts that the readers of a description of frames share.
+#pragma once
+
+#include <string_view>
+#include <vector>
+
+#include "emulator/ground/table_reader.hpp"
+#include "protocols/frames/frame_description.hpp"
+
+namespace imud {
+
+// Returns the tables of [[key]], at most `most`; adds a fault if it is something else.
+std::vector<const toml::table*> tables_of(TableReader& table, std::string_view key, std::size_t most);
+
+// Reads [setting], [[request]] and [unknown]. `resolved` takes what the readers resolve.
+void read_host(TableReader& root, Faults& faults, toml::table& resolved, FrameHostDescription& host);
+// Reads `when`, `polled` and, if it is the name of a setting, `rate_hz` of a message.
+void read_switch(TableReader& message, FrameDescription::Message& into);
+
+}  // namespace imud

@@ -1,0 +1,74 @@
+// FrameHostDescription: the settings and requests in the file of protocol `frame` (README.md), as plain text and
+// numbers.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace imud {
+
+struct FrameHostDescription {
+  // Limits of a file, which bound memory and time.
+  static constexpr std::size_t most_settings = 32;
+  static constexpr std::size_t most_values = 64;  // of a setting
+  static constexpr std::size_t most_requests = 128;
+  static constexpr std::size_t most_tests = 16;          // of a request
+  static constexpr std::size_t longest_request = 256;    // bytes, with the end of a line
+  static constexpr std::size_t longest_answer = 1024;    // bytes
+  static constexpr std::uint32_t longest_delay = 60000;  // ms
+
+  struct Text {
+    std::string text;
+    std::uint32_t line = 0;
+  };
+  struct Setting {
+    std::string name;
+    std::uint32_t line = 0;
+    std::vector<std::string> values;   // texts, or the shortest texts of numbers
+    bool is_number = false;            // all values are numbers
+    std::vector<std::uint64_t> codes;  // of the values, in binary requests and answers; empty: the values themselves
+    std::size_t delivered = 0;         // index of the value
+    bool is_kept = false;              // a value that the host sets survives a loss of power
+  };
+  // A setting with one of several values, as a condition, or with one value that a request sets.
+  struct Choice {
+    std::string setting;
+    std::vector<std::string> values;
+    std::uint32_t line = 0;
+  };
+  // The bytes that a unit answers: either text with captures, or elements. Neither: it does not answer.
+  struct Answer {
+    std::optional<Text> text;
+    std::vector<Text> layout;
+    bool is_given() const noexcept { return text.has_value() || !layout.empty(); }
+  };
+  struct Test {
+    std::string request, answer;  // text, or bytes in hexadecimal
+    std::uint32_t line = 0;
+  };
+  struct Request {
+    std::uint32_t line = 0;
+    std::optional<Text> text;  // a line; absent: `layout` has the bytes
+    bool ignores_case = false;
+    std::vector<Text> layout;
+
+    std::optional<bool> streams;  // switches the stream on or off
+    bool sets_captured = false;
+    std::vector<Choice> set;
+    bool saves = false, restores = false, resets = false;
+    Answer answer, otherwise;
+    std::string poll;  // name of a message
+    std::uint32_t delay_ms = 0;
+    std::vector<Test> tests;
+  };
+
+  bool is_big = false;  // the byte order of numbers that have none of their own
+  std::vector<Setting> settings;
+  std::vector<Request> requests;
+  std::optional<Text> unknown_answer;  // to a line that no request matches
+};
+
+}  // namespace imud
