@@ -175,15 +175,23 @@ void FrameHost::poll(DeviceTime now, Unit& unit, FrameBuffer& out) noexcept {
         ++lost_answers_;
       }
     }
-    if (!one.is_refusal) finish(one.request, now, unit, out);
+    if (one.is_refusal)
+      set_line();
+    else
+      finish(one.request, now, unit, out);
   }
+}
+
+// Changes the bit rate, unless an answer still has to leave.
+void FrameHost::set_line() noexcept {
+  if (const auto baud = requests_->baud_setting(); baud && delayed_count_ == 0) line_value_ = values_[*baud];
 }
 
 // Executes what follows the answer.
 void FrameHost::finish(std::size_t index, DeviceTime now, Unit& unit, FrameBuffer& out) noexcept {
   const FrameRequest& request = requests_->all()[index];
   if (request.poll) unit.poll_message(*request.poll, now, out);
-  if (const auto baud = requests_->baud_setting(); baud && delayed_count_ == 0) line_value_ = values_[*baud];
+  set_line();
   if (!request.resets) return;
   start();
   unit.restart();

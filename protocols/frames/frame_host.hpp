@@ -77,6 +77,7 @@ class FrameHost {
   void answer(const FrameAnswer& answer, const FrameCaptures& captures, const Unit& unit, FrameBuffer& out) noexcept;
   void delay(std::size_t index, const FrameAnswer& answer, const FrameCaptures& captures, DeviceTime now,
              const Unit& unit) noexcept;
+  void set_line() noexcept;
   void finish(std::size_t index, DeviceTime now, Unit& unit, FrameBuffer& out) noexcept;
   std::span<std::byte> delayed_bytes(std::size_t slot) noexcept;
 

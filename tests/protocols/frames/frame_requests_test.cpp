@@ -304,6 +304,7 @@ line = "baud {BAUD}"
 set = true
 delay_ms = 20
 answer = "now {BAUD}\n"
+otherwise = "no\n"
 )";
   Line line = frame_line(text);
   FrameBuffer replies;
@@ -315,6 +316,13 @@ answer = "now {BAUD}\n"
   EXPECT_EQ(line.device->uart().baud, 115200U);
   line.device->power_on({});
   EXPECT_EQ(line.device->uart().baud, 9600U);
+  // A refusal that waits behind the answer leaves at the old rate as well.
+  for (const std::string_view text_of_host : {"baud 115200\n", "baud 7\n"})
+    line.device->receive({std::as_bytes(std::span(text_of_host))}, {}, replies);
+  line.device->poll(DeviceTime{} + 20ms, replies);
+  EXPECT_EQ(replies.frames().size(), 3U);
+  EXPECT_EQ(line.device->uart().baud, 115200U);
+  line.device->power_on({});
   // The configuration has what was saved before.
   Settings settings = frame_settings(frames_of_text(text, "test.toml"));
   settings.set("baud", std::int64_t{115200});
