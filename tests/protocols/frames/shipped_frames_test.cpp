@@ -57,6 +57,9 @@ TEST(ShippedFrames, AreDecodedWithinAnLsb) {
     for (const Measurement& measurement : recording.measurements) {
       if ((measurement.fields & Measurement::rate) != 0) {
         EXPECT_TRUE(measurement.sample.rate.isApprox(sample.rate, 1e-3)) << measurement.sample.rate.transpose();
+      } else if ((measurement.fields & Measurement::delta_angle) != 0) {
+        EXPECT_TRUE(measurement.sample.delta_angle.isApprox(sample.delta_angle, 1e-3))
+            << measurement.sample.delta_angle.transpose();
       } else {
         EXPECT_EQ(shipped.name, "bno08x-rvc");
       }
