@@ -35,7 +35,7 @@ FLOORS = {
              "attitude.* truth.* sample.hpp timeline.*",
              "earth/", "environment/ effects/ pose/", ""],
     "protocols": ["protocol.* truth_format.* settings.* native_truth.hpp sync_datagram.hpp", "wire/", "quantities/",
-                  "measurements/", "signals/ frames/", ""],
+                  "measurements/", "frames/layout/", "frames/text/ frames/host/", "signals/ frames/", ""],
     "transports": ["port.hpp port_spec.* endpoint.* host_clock.hpp file_descriptor.hpp byte_writer.*",
                    "can/ file/ socket/ uart/", "capture/", ""],
     "emulator": ["ground/", "plan/", "faults/ frames/", "config/", "truth/", "imu/", "engine/", "record/", "drive/", "report/", "control/",

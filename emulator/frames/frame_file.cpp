@@ -15,7 +15,7 @@
 #include "emulator/ground/table_reader.hpp"
 #include "emulator/plan/config.hpp"
 #include "protocols/frames/frame_device.hpp"
-#include "protocols/frames/frame_layout.hpp"
+#include "protocols/frames/layout/frame_layout.hpp"
 
 namespace imud {
 namespace {

@@ -6,7 +6,7 @@
 #include <string>
 #include <string_view>
 
-#include "protocols/frames/frame_description.hpp"
+#include "protocols/frames/layout/frame_description.hpp"
 #include "protocols/settings.hpp"
 
 namespace imud {

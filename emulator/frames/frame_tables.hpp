@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "emulator/ground/table_reader.hpp"
-#include "protocols/frames/frame_description.hpp"
+#include "protocols/frames/layout/frame_description.hpp"
 
 namespace imud {
 

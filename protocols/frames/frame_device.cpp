@@ -5,8 +5,8 @@
 #include <utility>
 
 #include "core/attitude.hpp"
-#include "protocols/frames/frame_layout.hpp"
-#include "protocols/frames/text_layout.hpp"
+#include "protocols/frames/layout/frame_layout.hpp"
+#include "protocols/frames/text/text_layout.hpp"
 
 namespace imud {
 namespace {

@@ -9,10 +9,10 @@
 #include <string>
 #include <vector>
 
-#include "protocols/frames/frame_description.hpp"
-#include "protocols/frames/frame_escape.hpp"
-#include "protocols/frames/frame_host.hpp"
-#include "protocols/frames/message_layout.hpp"
+#include "protocols/frames/host/frame_host.hpp"
+#include "protocols/frames/layout/frame_description.hpp"
+#include "protocols/frames/layout/frame_escape.hpp"
+#include "protocols/frames/layout/message_layout.hpp"
 #include "protocols/protocol.hpp"
 #include "protocols/wire/frame_search.hpp"
 

@@ -3,7 +3,7 @@
 #include <numeric>
 
 #include "protocols/frames/frame_device.hpp"
-#include "protocols/frames/frame_layout.hpp"
+#include "protocols/frames/layout/frame_layout.hpp"
 
 namespace imud {
 namespace {
@@ -76,7 +76,7 @@ void FrameStreamDecoder::choose_clocks() {
   choose(clock, &MessageLayout::Decoded::time);
   choose(counter, &MessageLayout::Decoded::counter);
   if (!counter) choose(alive_counter, &MessageLayout::Decoded::alive_counter);
-  // Others that have the same clock or counter are read, too, and those that settings let stand in its place.
+  // Messages that have the same clock or counter are read, too, and messages that settings let stand in its place.
   const auto all_like = [this](const std::optional<std::size_t>& chosen,
                                std::optional<Wrapping> MessageLayout::Decoded::*part, bool is_own) {
     std::uint64_t all = 0;

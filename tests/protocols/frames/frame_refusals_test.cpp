@@ -1,5 +1,5 @@
 // Faults of descriptions: each is reported with its line, its place, and what would be right.
-#include "protocols/frames/frame_requests.hpp"
+#include "protocols/frames/host/frame_requests.hpp"
 #include "tests/protocols/frames/frame_unit.hpp"
 #include "tests/support/text.hpp"
 

@@ -3,7 +3,7 @@
 // are fixed.
 #include <cstdlib>
 
-#include "protocols/frames/frame_requests.hpp"
+#include "protocols/frames/host/frame_requests.hpp"
 #include "tests/protocols/frames/frame_unit.hpp"
 #include "tests/support/allocations.hpp"
 #include "tests/support/random_changes.hpp"

@@ -1,5 +1,5 @@
 // Requests of a host to described units: their effects and answers.
-#include "protocols/frames/frame_requests.hpp"
+#include "protocols/frames/host/frame_requests.hpp"
 
 #include <chrono>
 

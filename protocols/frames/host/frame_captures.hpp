@@ -1,0 +1,115 @@
+// FrameCaptures, which a request captures, and the two forms of requests: lines of text (FrameLine), and bytes
+// (FrameBytes), which answers have, too.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "protocols/frames/host/frame_settings.hpp"
+#include "protocols/frames/layout/frame_layout.hpp"
+
+namespace imud {
+
+// The captures of a request that was received. The views are of the received bytes.
+struct FrameCaptures {
+  static constexpr std::size_t most = 16;
+
+  std::span<const std::byte> bytes;        // of a binary request
+  std::string_view line;                   // of a line, without its end
+  std::string_view any;                    // by {any}
+  std::optional<std::size_t> setting;      // by {setting}
+  std::string_view value;                  // the text by {value} or {NAME}, whatever it is
+  std::array<FrameChosen, most> chosen{};  // settings with their values
+  std::size_t count = 0;                   // of `chosen`
+  bool is_allowed = true;                  // false: a captured value is no value of its setting
+};
+
+// A pattern of a line: text with {setting}, {value}, {NAME} of a setting, or {any}. A capture ends at the first
+// character that follows it in the pattern, so that the time to compare is linear.
+class FrameLine {
+ public:
+  // Throws std::invalid_argument.
+  FrameLine(std::string_view pattern, bool ignores_case, const FrameSettings& settings);
+
+  // Compares a line, without its end. `captures` are set if it returns true.
+  bool match(std::string_view line, const FrameSettings& settings, FrameCaptures& captures) const noexcept {
+    return match(line, ignores_case_, settings, captures);
+  }
+  bool match(std::string_view line, bool ignores_case, const FrameSettings& settings,
+             FrameCaptures& captures) const noexcept;
+  bool ignores_case() const noexcept { return ignores_case_; }
+  bool captures_setting() const noexcept { return captures_setting_; }
+  bool captures_values() const noexcept { return captures_values_; }
+  bool has_any() const noexcept { return has_any_; }
+
+  // Returns the lines that match, at most 1024, with each allowed value; {any} is "1".
+  std::vector<std::string> lines(const FrameSettings& settings) const;
+  // Returns the beginnings of the lines that match, for each setting, up to the first {any}, {value} or {NAME}.
+  std::vector<std::string> beginnings(const FrameSettings& settings) const;
+
+ private:
+  enum class Kind : std::uint8_t { text, setting, value, named, any };
+  struct Part {
+    Kind kind = Kind::text;
+    std::string text;
+    std::size_t setting = 0;  // of `named`
+    char end = '\0';          // the character after a capture; '\0': the end of the line
+  };
+  std::vector<Part> parts_;
+  bool ignores_case_;
+  bool captures_setting_ = false, captures_values_ = false, has_any_ = false;
+};
+
+// Bytes by a list of elements, in which there may be captures: of a request `{NAME}:u16`, `bits:u8:0={NAME}` and
+// `??`, of an answer `{NAME}:u16`, `bits:u8:0={NAME}`, and bytes of the request, `{3}` or `{3-6}`.
+class FrameBytes {
+ public:
+  enum class Role : std::uint8_t { request, answer };
+  // `place` precedes the elements in faults. `request_size`: the bytes that an answer may repeat. Throws FrameFaults
+  // with every fault.
+  FrameBytes(const FrameDescription& description, std::span<const FrameHostDescription::Text> elements,
+             const std::string& place, Role role, std::size_t request_size, const FrameSettings& settings);
+
+  std::size_t size() const noexcept { return layout_->size(); }
+  bool captures_values() const noexcept { return captures_values_; }
+  bool has_quantities() const noexcept { return has_quantities_; }
+  const FrameLayout& layout() const noexcept { return *layout_; }
+
+  // --- A request ---
+  // Compares the beginning of `held`, which is not empty. `captures` are set if it returns `yes`.
+  FrameLayout::Match match(std::span<const std::byte> held, const FrameSettings& settings,
+                           FrameCaptures& captures) const noexcept;
+  // Returns a request that matches, with these values of the settings; bytes that may be any are 0.
+  std::vector<std::byte> example(std::span<const std::uint8_t> values, const FrameSettings& settings) const;
+  // Returns true if there may be bytes that begin with a request of both.
+  bool overlaps(const FrameBytes& other) const noexcept { return layout_->may_coincide(*other.layout_); }
+
+  // --- An answer ---
+  // Writes the answer to `out`, of size() bytes. `values`: of all settings.
+  void write(const Reading& newest, std::span<const std::byte> request, std::span<const std::uint8_t> values,
+             const FrameSettings& settings, std::span<std::byte> out) const noexcept;
+
+ private:
+  struct Capture {
+    std::size_t offset = 0;
+    FrameNumber number;
+    unsigned low = 0, width = 8;         // bits of the number
+    std::optional<std::size_t> setting;  // nullopt: `number.bytes` bytes of the request from `first` on
+    std::size_t first = 0;
+  };
+  class Parser;
+  void fill(std::span<const std::uint8_t> values, const FrameSettings& settings,
+            std::span<std::byte> out) const noexcept;
+
+  std::optional<FrameLayout> layout_;
+  std::vector<Capture> captures_;
+  bool captures_values_ = false, has_quantities_ = false;
+};
+
+}  // namespace imud

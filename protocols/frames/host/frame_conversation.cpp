@@ -1,0 +1,187 @@
+// The settings and requests of a description as tables for people, and its test requests.
+#include <algorithm>
+#include <memory>
+
+#include "protocols/frames/host/frame_host.hpp"
+
+namespace imud {
+namespace {
+
+using Host = FrameHostDescription;
+
+// A unit that has taken no sample.
+class Idle final : public FrameHost::Unit {
+ public:
+  const Sample& newest() const noexcept override { return sample_; }
+  void poll_message(std::size_t, DeviceTime, FrameBuffer&) noexcept override {}
+  void switch_messages() noexcept override {}
+  void restart() noexcept override {}
+
+ private:
+  Sample sample_;
+};
+
+std::string hex_text(std::span<const std::byte> bytes) {
+  constexpr char digits[] = "0123456789ABCDEF";
+  std::string text;
+  for (const std::byte byte : bytes) {
+    if (!text.empty()) text += ' ';
+    text += digits[std::to_integer<unsigned>(byte) >> 4];
+    text += digits[std::to_integer<unsigned>(byte) & 15U];
+  }
+  return text;
+}
+
+// Returns a text in quotes, with \r and \n for the ends of lines.
+std::string escaped(std::string_view text) {
+  std::string all = "\"";
+  for (const char c : text)
+    if (c == '\r')
+      all += "\\r";
+    else if (c == '\n')
+      all += "\\n";
+    else
+      all += c;
+  return all + '"';
+}
+
+std::vector<std::byte> copied(std::string_view text) {
+  const auto bytes = std::as_bytes(std::span(text));
+  return {bytes.begin(), bytes.end()};
+}
+
+// Returns the bytes of a test, or what is wrong with it.
+std::optional<std::vector<std::byte>> test_bytes(const std::string& text, bool is_text) {
+  return is_text ? copied(text) : hex_bytes_in(text);
+}
+
+std::string difference(std::span<const std::byte> got, std::span<const std::byte> wanted, bool is_text) {
+  const auto shown = [is_text](std::span<const std::byte> bytes) {
+    if (bytes.empty()) return std::string("nothing");
+    return is_text ? escaped({reinterpret_cast<const char*>(bytes.data()), bytes.size()}) : hex_text(bytes);
+  };
+  const auto at = std::ranges::mismatch(got, wanted).in1 - got.begin();
+  return "the unit answers " + shown(got) + ", not " + shown(wanted) + ": they differ at byte " + std::to_string(at);
+}
+
+std::optional<std::string> fault_of(const std::shared_ptr<const FrameRequests>& requests, std::size_t index,
+                                    const Host::Request& described, const Host::Test& test) {
+  const bool is_text = described.layout.empty();
+  auto sent = test_bytes(test.request, is_text);
+  if (!sent || sent->empty()) return "must be bytes in hexadecimal, such as \"AA 55 01\"";
+  if (is_text && !test.request.ends_with('\r') && !test.request.ends_with('\n')) sent->push_back(std::byte{'\r'});
+  FrameHost host(requests);
+  Idle unit;
+  const auto replies = std::make_unique<FrameBuffer>();
+  host.receive(*sent, {}, unit, *replies);
+  while (const auto due = host.deadline()) host.poll(*due, unit, *replies);
+  if (host.newest_request() != index || host.unknown_bytes() != 0)
+    return (is_text ? escaped(test.request) : test.request) + " is no request of this form";
+  std::vector<std::byte> got;
+  for (const Frame& frame : replies->frames()) got.insert(got.end(), frame.bytes.begin(), frame.bytes.end());
+  const bool is_text_answer = is_text && described.answer.layout.empty() && described.otherwise.layout.empty();
+  const auto wanted = test_bytes(test.answer, is_text_answer);
+  if (!wanted) return "test_answer must be bytes in hexadecimal, such as \"AA 55 01\"";
+  if (got == *wanted) return std::nullopt;
+  return difference(got, *wanted, is_text_answer);
+}
+
+// --- Tables ---
+using Row = std::vector<std::string>;
+
+// Adds the rows with columns of one width.
+void add_table(std::vector<std::string>& lines, const std::vector<Row>& rows) {
+  std::vector<std::size_t> widths(rows.front().size());
+  for (const Row& row : rows)
+    for (std::size_t i = 0; i + 1 < row.size(); ++i) widths[i] = std::max(widths[i], row[i].size());
+  for (const Row& row : rows) {
+    std::string line;
+    for (std::size_t i = 0; i < row.size(); ++i) {
+      line += row[i];
+      if (i + 1 < row.size()) line.append(widths[i] + 2 - row[i].size(), ' ');
+    }
+    line.erase(line.find_last_not_of(' ') + 1);
+    lines.push_back(std::move(line));
+  }
+}
+
+std::string joined(const std::vector<std::string>& words, const char* separator) {
+  std::string text;
+  for (const std::string& word : words) text += (text.empty() ? "" : separator) + word;
+  return text;
+}
+
+std::string elements(const std::vector<Host::Text>& layout) {
+  std::vector<std::string> words;
+  for (const Host::Text& element : layout)
+    if (!element.text.starts_with('@')) words.push_back(element.text);
+  return joined(words, " ");
+}
+
+std::string text_of(const Host::Answer& answer) {
+  if (!answer.text) return elements(answer.layout);
+  std::string text;
+  for (const char c : answer.text->text) text += c == '\r' ? "\\r" : c == '\n' ? "\\n" : std::string(1, c);
+  return text;
+}
+
+std::string values_of(const Host::Setting& setting) {
+  std::vector<std::string> words;
+  for (std::size_t i = 0; i < setting.values.size(); ++i)
+    words.push_back(setting.values[i] + (setting.codes.empty() ? "" : " (" + std::to_string(setting.codes[i]) + ")"));
+  return joined(words, ", ");
+}
+
+std::string effect_of(const Host::Request& request) {
+  std::vector<std::string> words;
+  for (const Host::Choice& one : request.set) words.push_back(one.setting + " = " + one.values.front());
+  if (request.sets_captured) words.push_back("sets it");
+  if (request.restores) words.push_back("settings as delivered");
+  if (request.saves) words.push_back("saves the settings");
+  if (request.streams) words.push_back(*request.streams ? "stream on" : "stream off");
+  if (!request.poll.empty()) words.push_back("sends \"" + request.poll + "\"");
+  if (request.resets) words.push_back("restarts");
+  if (request.delay_ms != 0) words.push_back("after " + std::to_string(request.delay_ms) + " ms");
+  return joined(words, ", ");
+}
+
+}  // namespace
+
+void test_frame_requests(const FrameDescription& description) {
+  const auto requests = std::make_shared<const FrameRequests>(description);
+  std::vector<FrameFault> faults;
+  for (std::size_t i = 0; i < description.host.requests.size(); ++i) {
+    const Host::Request& described = description.host.requests[i];
+    for (const Host::Test& test : described.tests)
+      if (auto fault = fault_of(requests, i, described, test))
+        faults.push_back({test.line, "request \"" + requests->all()[i].title.substr(0, 40) + "\": test_request",
+                          std::move(*fault)});
+  }
+  if (!faults.empty()) throw FrameFaults(description.file, std::move(faults));
+}
+
+std::vector<std::string> frame_request_rows(const FrameDescription& description) {
+  std::vector<std::string> lines;
+  const Host& host = description.host;
+  if (!host.settings.empty()) {
+    lines.push_back(description.name + ", settings:");
+    std::vector<Row> rows = {{"name", "delivered", "without power", "allowed"}};
+    for (const Host::Setting& one : host.settings)
+      rows.push_back(
+          {one.name, one.values[one.delivered], one.is_kept ? "kept" : "lost unless saved", values_of(one)});
+    add_table(lines, rows);
+  }
+  if (!host.requests.empty()) {
+    lines.push_back(description.name + ", requests:");
+    std::vector<Row> rows = {{"request", "effect", "answer"}};
+    for (const Host::Request& one : host.requests) {
+      rows.push_back({one.text ? one.text->text : elements(one.layout), effect_of(one), text_of(one.answer)});
+      if (one.otherwise.is_given()) rows.push_back({"", "a value that is not allowed", text_of(one.otherwise)});
+    }
+    if (host.unknown_answer) rows.push_back({"any other line", "", text_of({host.unknown_answer, {}})});
+    add_table(lines, rows);
+  }
+  return lines;
+}
+
+}  // namespace imud

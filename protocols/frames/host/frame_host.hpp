@@ -1,0 +1,97 @@
+// FrameHost: the side of a described unit that listens: its settings, and the requests that it executes.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "core/frame.hpp"
+#include "protocols/frames/host/frame_requests.hpp"
+#include "protocols/wire/frame_search.hpp"
+
+namespace imud {
+
+// A line is of printable characters and ends with CR or LF; at any other byte a binary request may begin. An
+// unfinished request that receives no byte for 1 s is discarded. At power on, and at a restart that a request asks
+// for, the unit has its stored settings and streams. After construction nothing here allocates or throws. One thread.
+class FrameHost {
+ public:
+  // The unit around it.
+  class Unit {
+   public:
+    virtual const Sample& newest() const noexcept = 0;
+    // Sends a message once: at once with the newest sample, or with the first sample.
+    virtual void poll_message(std::size_t message, DeviceTime now, FrameBuffer& out) noexcept = 0;
+    // Settings, or the stream, have changed.
+    virtual void switch_messages() noexcept = 0;
+    virtual void restart() noexcept = 0;
+
+   protected:
+    ~Unit() = default;
+  };
+
+  explicit FrameHost(std::shared_ptr<const FrameRequests> requests);
+
+  const FrameRequests& requests() const noexcept { return *requests_; }
+  // Stores a value, as a host that saved it before.
+  void store(FrameChosen chosen) noexcept;
+
+  void power_on() noexcept;
+  void receive(std::span<const std::byte> bytes, DeviceTime now, Unit& unit, FrameBuffer& replies) noexcept;
+  // Returns when the next delayed answer is due. An answer waits for those before it.
+  std::optional<DeviceTime> deadline() const noexcept;
+  // Sends the delayed answers that are due.
+  void poll(DeviceTime now, Unit& unit, FrameBuffer& out) noexcept;
+  void step_clock(Nanoseconds by) noexcept;
+
+  bool is_streaming() const noexcept { return is_streaming_; }
+  std::span<const std::uint8_t> values() const noexcept { return values_; }  // indices, of all settings
+  // Returns the bit rate of the line; nullopt if no setting has it. It changes after the answer.
+  std::optional<unsigned> baud() const noexcept;
+  // Returns the index of the request that was executed last, or refused by its own answer.
+  std::optional<std::size_t> newest_request() const noexcept { return newest_request_; }
+  std::uint64_t unknown_bytes() const noexcept { return unknown_bytes_; }  // that no request matched
+  std::uint64_t lost_answers() const noexcept { return lost_answers_; }    // for which there was no room
+
+ private:
+  using Search = FrameSearch<FrameHostDescription::longest_request>;
+  struct Delayed {
+    DeviceTime due;
+    std::size_t request = 0, size = 0;
+    bool is_refusal = false;
+  };
+  static constexpr std::size_t most_delayed = 8;
+
+  void start() noexcept;
+  std::size_t parse(std::span<const std::byte> held, DeviceTime now, Unit& unit, FrameBuffer& replies) noexcept;
+  std::size_t parse_line(std::span<const std::byte> held, std::size_t size, bool is_unfinished, DeviceTime now,
+                         Unit& unit, FrameBuffer& replies) noexcept;
+  void execute(std::size_t index, const FrameCaptures& captures, DeviceTime now, Unit& unit,
+               FrameBuffer& replies) noexcept;
+  void change_settings(const FrameRequest& request, const FrameCaptures& captures) noexcept;
+  void set(FrameChosen chosen) noexcept;
+  void answer(const FrameAnswer& answer, const FrameCaptures& captures, const Unit& unit, FrameBuffer& out) noexcept;
+  void delay(std::size_t index, const FrameAnswer& answer, const FrameCaptures& captures, DeviceTime now,
+             const Unit& unit) noexcept;
+  void set_line() noexcept;
+  void finish(std::size_t index, DeviceTime now, Unit& unit, FrameBuffer& out) noexcept;
+  std::span<std::byte> delayed_bytes(std::size_t slot) noexcept;
+
+  std::shared_ptr<const FrameRequests> requests_;
+  std::vector<std::uint8_t> stored_, values_;
+  std::uint8_t line_value_ = 0;  // of the setting that has the bit rate
+  bool is_streaming_ = true;
+  Search search_;
+  DeviceTime last_;  // of the newest byte
+  std::array<Delayed, most_delayed> delayed_;
+  std::size_t first_delayed_ = 0, delayed_count_ = 0;
+  std::vector<std::byte> delayed_bytes_;
+  std::optional<std::size_t> newest_request_;
+  std::uint64_t unknown_bytes_ = 0, lost_answers_ = 0;
+};
+
+}  // namespace imud

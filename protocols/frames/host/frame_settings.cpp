@@ -1,0 +1,198 @@
+#include "protocols/frames/host/frame_settings.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+#include "core/numbers/nearest.hpp"
+#include "protocols/wire/number_text.hpp"
+
+namespace imud {
+namespace {
+
+constexpr double highest_baud = 2e7;
+
+char lower(char c) noexcept { return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c; }
+
+[[noreturn]] void refuse_setting(const std::string& fault) { throw std::invalid_argument(fault); }
+
+std::string listed(const std::vector<std::string>& words) {
+  std::string text;
+  for (const std::string& word : words) text += (text.empty() ? "" : ", ") + word;
+  return text;
+}
+
+}  // namespace
+
+bool is_same_text(std::string_view a, std::string_view b, bool ignores_case) noexcept {
+  if (!ignores_case) return a == b;
+  return std::ranges::equal(a, b, [](char x, char y) { return lower(x) == lower(y); });
+}
+
+bool FrameSwitch::is_on(std::span<const std::uint8_t> values) const noexcept {
+  if (!is_streamed || (rate && periods[values[*rate]].count() == 0)) return false;
+  return std::ranges::all_of(
+      when, [&](const FrameCondition& one) { return (one.values >> values[one.setting] & 1U) != 0; });
+}
+
+bool FrameSwitch::excludes(const FrameSwitch& other) const noexcept {
+  return std::ranges::any_of(when, [&](const FrameCondition& one) {
+    return std::ranges::any_of(other.when, [&](const FrameCondition& two) {
+      return one.setting == two.setting && (one.values & two.values) == 0;
+    });
+  });
+}
+
+FrameSettings::FrameSettings(const FrameDescription& description) : all_(description.host.settings) {
+  for (std::size_t i = 0; i < all_.size(); ++i) {
+    codes_.push_back(all_[i].codes);
+    codes_[i].resize(all_[i].values.size(), no_code);
+    if (!all_[i].codes.empty() || !all_[i].is_number) continue;
+    for (std::size_t k = 0; k < codes_[i].size(); ++k)
+      if (const double code = number(i, k); code >= 0 && code <= 0x1p53 && code == std::floor(code))
+        codes_[i][k] = static_cast<std::uint64_t>(code);
+  }
+}
+
+double FrameSettings::number(std::size_t setting, std::size_t value) const noexcept {
+  return number_in<double>(all_[setting].values[value]).value_or(0);
+}
+
+std::vector<FrameFault> FrameSettings::faults() const {
+  std::vector<FrameFault> faults;
+  if (all_.size() > FrameHostDescription::most_settings)
+    faults.push_back(
+        {all_.front().line, "setting", "there are more than " + std::to_string(FrameHostDescription::most_settings)});
+  constexpr std::string_view words[] = {"setting", "value", "any", "line"};
+  for (const Setting& one : all_) {
+    const auto fault = [&](std::string what) {
+      faults.push_back({one.line, "setting." + one.name, std::move(what)});
+    };
+    const auto is_letter = [](char c) {
+      return (lower(c) >= 'a' && lower(c) <= 'z') || (c >= '0' && c <= '9') || c == '_';
+    };
+    if (one.name.empty() || !std::ranges::all_of(one.name, is_letter) || (one.name[0] >= '0' && one.name[0] <= '9'))
+      fault("a name is of letters, digits and underscores, and does not begin with a digit");
+    if (std::ranges::find(words, one.name) != std::end(words))
+      fault("give another name; {" + one.name + "} means something else in requests and answers");
+    if (one.values.empty() || one.values.size() > FrameHostDescription::most_values) {
+      fault("give 1 to " + std::to_string(FrameHostDescription::most_values) +
+            " allowed values, the delivered one first");
+      continue;
+    }
+    for (std::size_t i = 0; i < one.values.size(); ++i) {
+      if (std::find(one.values.begin(), one.values.begin() + static_cast<std::ptrdiff_t>(i), one.values[i]) !=
+          one.values.begin() + static_cast<std::ptrdiff_t>(i))
+        fault("the value " + one.values[i] + " is given twice");
+      if (!std::ranges::all_of(one.values[i], [](char c) { return c > ' ' && c <= '~'; }) || one.values[i].empty())
+        fault("a value has printable characters without blanks");
+    }
+    if (!one.codes.empty() && one.codes.size() != one.values.size())
+      fault("there are " + std::to_string(one.codes.size()) + " codes for " + std::to_string(one.values.size()) +
+            " values; give one for each value, in their order");
+    for (std::size_t i = 0; i < one.codes.size(); ++i)
+      if (std::find(one.codes.begin(), one.codes.begin() + static_cast<std::ptrdiff_t>(i), one.codes[i]) !=
+          one.codes.begin() + static_cast<std::ptrdiff_t>(i))
+        fault("the code " + std::to_string(one.codes[i]) + " is given twice");
+  }
+  return faults;
+}
+
+std::optional<std::size_t> FrameSettings::find(std::string_view name, bool ignores_case) const noexcept {
+  for (std::size_t i = 0; i < all_.size(); ++i)
+    if (is_same_text(all_[i].name, name, ignores_case)) return i;
+  return std::nullopt;
+}
+
+std::optional<std::uint8_t> FrameSettings::find_value(std::size_t setting, std::string_view text,
+                                                      bool ignores_case) const noexcept {
+  const Setting& one = all_[setting];
+  const auto given = one.is_number ? number_in<double>(text) : std::nullopt;
+  for (std::size_t i = 0; i < one.values.size(); ++i)
+    if (is_same_text(one.values[i], text, ignores_case) || (given && *given == number(setting, i)))
+      return static_cast<std::uint8_t>(i);
+  return std::nullopt;
+}
+
+std::optional<std::uint8_t> FrameSettings::find_code(std::size_t setting, std::uint64_t code) const noexcept {
+  const auto found = std::ranges::find(codes_[setting], code);
+  if (found == codes_[setting].end() || code == no_code) return std::nullopt;
+  return static_cast<std::uint8_t>(found - codes_[setting].begin());
+}
+
+std::size_t FrameSettings::at(const std::string& name) const {
+  if (const auto found = find(name)) return *found;
+  std::vector<std::string> names;
+  for (const Setting& one : all_) names.push_back(one.name);
+  const std::string meant = nearest(name, names);
+  refuse_setting("there is no setting \"" + name + "\"; " +
+                 (!meant.empty()  ? "did you mean \"" + meant + "\"?"
+                  : names.empty() ? "describe it as [setting] " + name + " = [allowed values]"
+                                  : "there are " + listed(names)));
+}
+
+std::uint8_t FrameSettings::value_at(std::size_t setting, const std::string& text) const {
+  if (const auto found = find_value(setting, text)) return *found;
+  refuse_setting(text + " is no value of " + all_[setting].name + "; there are " + listed(all_[setting].values));
+}
+
+FrameCondition FrameSettings::condition(const FrameHostDescription::Choice& choice) const {
+  FrameCondition condition{at(choice.setting), 0};
+  for (const std::string& value : choice.values)
+    condition.values |= std::uint64_t{1} << value_at(condition.setting, value);
+  return condition;
+}
+
+FrameSwitch FrameSettings::switch_of(const FrameDescription::Message& message,
+                                     std::vector<FrameFault>& faults) const {
+  FrameSwitch result;
+  result.is_streamed = message.is_streamed;
+  const auto attempt = [&](std::uint32_t line, const std::string& key, auto act) {
+    try {
+      act();
+    } catch (const std::invalid_argument& error) {
+      faults.push_back({line, "message \"" + message.name + "\": " + key, error.what()});
+    }
+  };
+  for (const FrameHostDescription::Choice& choice : message.when)
+    attempt(choice.line, "when." + choice.setting, [&] { result.when.push_back(condition(choice)); });
+  if (!message.rate_setting.empty())
+    attempt(message.line, "rate_hz", [&] {
+      result.periods = periods(at(message.rate_setting));
+      result.rate = at(message.rate_setting);
+    });
+  return result;
+}
+
+void FrameSettings::require_codes(std::size_t setting) const {
+  for (std::size_t i = 0; i < codes_[setting].size(); ++i)
+    if (codes_[setting][i] == no_code)
+      refuse_setting("the value " + all_[setting].values[i] + " of " + all_[setting].name +
+                     " has no code; give {values = [...], codes = [...]}");
+}
+
+std::vector<Nanoseconds> FrameSettings::periods(std::size_t setting) const {
+  std::vector<Nanoseconds> periods;
+  for (std::size_t i = 0; i < all_[setting].values.size(); ++i) {
+    const double rate_hz = number(setting, i);
+    if (!all_[setting].is_number || (rate_hz != 0 && !(rate_hz >= Grid::min_rate_hz && rate_hz <= Grid::max_rate_hz)))
+      refuse_setting("the value " + all_[setting].values[i] + " of " + all_[setting].name +
+                     " is no rate; give Hz from 0.001 to 10000, or 0, at which nothing is sent");
+    periods.push_back(rate_hz == 0 ? Nanoseconds{} : nanoseconds(1 / rate_hz));
+  }
+  return periods;
+}
+
+std::vector<unsigned> FrameSettings::bauds(std::size_t setting) const {
+  std::vector<unsigned> bauds;
+  for (std::size_t i = 0; i < all_[setting].values.size(); ++i) {
+    const double baud = number(setting, i);
+    if (!all_[setting].is_number || !(baud >= 1 && baud <= highest_baud) || baud != std::floor(baud))
+      refuse_setting("the value " + all_[setting].values[i] + " of " + all_[setting].name +
+                     " is no bit rate; give whole numbers up to 20000000");
+    bauds.push_back(static_cast<unsigned>(baud));
+  }
+  return bauds;
+}
+
+}  // namespace imud

@@ -1,0 +1,57 @@
+// FrameLayout::Compiler: makes a FrameLayout of a message. Private to FrameLayout.
+#pragma once
+
+#include <map>
+
+#include "protocols/frames/layout/frame_layout.hpp"
+
+namespace imud {
+
+class FrameLayout::Compiler {
+ public:
+  Compiler(FrameLayout& out, const FrameDescription& description, const FrameDescription::Message& message)
+      : out_(out), description_(description), message_(message) {}
+
+  // Fills the layout. Throws FrameFaults with every fault of the message.
+  void compile();
+  // Encodes the values of the tests and compares the bytes with their frames. Throws FrameFaults.
+  void test();
+
+ private:
+  struct Placed {
+    FrameElement element;
+    std::uint32_t line = 0;
+    std::size_t offset = 0;
+  };
+  void place(FrameElement element, std::uint32_t line);
+  void add_field(const Placed& placed);
+  void add_bits(const Placed& placed);
+  void resolve_length(const Placed& placed);
+  void resolve_check(const Placed& placed);
+  void order_checks();
+  void check_sync();
+  void find_read_back();
+  void make_rows();
+  void set_number(Field& field, const FrameElement& element);
+  void set_counting(Field& field, const FrameSource& source) const;
+  FrameCheck::Range range(const FrameElement::Range& range, std::size_t own) const;
+  std::size_t place_of(const std::string& label) const;
+  void give(const FrameDescription::Value& value, FrameTestValues& given) const;
+  void test(const FrameDescription::Test& test);
+  std::string difference(std::span<const std::byte> got, std::span<const std::byte> wanted) const;
+  void constant(std::size_t offset, std::span<const std::byte> bytes);
+
+  // Calls `act` and adds the fault that it throws.
+  template <class Act>
+  void attempt(std::uint32_t line, const std::string& text, Act act);
+  void fault(std::uint32_t line, const std::string& key, std::string what);
+
+  FrameLayout& out_;
+  const FrameDescription& description_;
+  const FrameDescription::Message& message_;
+  std::vector<Placed> placed_;
+  std::map<std::string, std::size_t> labels_;
+  std::vector<FrameFault> faults_;
+};
+
+}  // namespace imud

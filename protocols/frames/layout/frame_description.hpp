@@ -1,0 +1,106 @@
+// FrameDescription: what the file of protocol `frame` says about the frames of a serial sensor (README.md), as plain
+// text and numbers. The reader of the file makes it, and FrameLayout compiles it.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "core/time.hpp"
+#include "core/uart.hpp"
+#include "protocols/frames/layout/frame_host_description.hpp"
+#include "protocols/wire/crc.hpp"
+
+namespace imud {
+
+// The framing of all messages (protocols/frames/frame_escape.hpp).
+enum class FrameEscape : std::uint8_t { none, slip, hdlc, dle, cobs };
+
+struct FrameDescription {
+  // Limits of a file, which bound memory and time.
+  static constexpr std::size_t most_messages = 64;
+  static constexpr std::size_t most_elements = 512;       // of a message
+  static constexpr std::size_t longest_element = 512;     // characters
+  static constexpr std::size_t longest_frame = 4096;      // bytes
+  static constexpr std::size_t longest_text = 4096;       // characters of a text message
+  static constexpr std::size_t most_tests = 64;           // of a message
+  static constexpr std::size_t most_checks = 64;          // own algorithms
+  static constexpr std::uint64_t most_samples = 1 << 20;  // of a divider
+  static constexpr std::size_t most_phases = 1024;        // of a message
+
+  struct Text {
+    std::string text;
+    std::uint32_t line = 0;
+  };
+  struct Value {
+    std::string name;  // of a quantity with its unit, of a counter, or of a bit of the status
+    double value = 0;
+    std::uint32_t line = 0;
+  };
+  struct Check {
+    std::string name;
+    CrcParameters parameters;
+  };
+  // A frame as a unit has sent it, and its values; all others are 0.
+  struct Test {
+    Text frame;  // in hexadecimal, or the line of text
+    std::vector<Value> values;
+  };
+  struct Message {
+    std::string name;
+    std::uint32_t line = 0;
+    bool is_big = false;  // the byte order of numbers that have none of their own
+    double rate_hz = 0;   // 0: by the divider
+    // Sent with each sample whose number since the start is one of the phases + k * divider.
+    std::uint64_t divider = 1;
+    std::vector<std::uint64_t> phases = {0};  // ascending, less than the divider
+    std::vector<Text> layout;
+    std::optional<Text> text;  // of a line of text, in place of the layout
+    std::vector<Test> tests;
+
+    std::string rate_setting;                        // that has the rate; empty: `rate_hz`
+    std::vector<FrameHostDescription::Choice> when;  // sent while all of these hold
+    bool is_streamed = true;                         // false: only sent when a request polls it
+  };
+
+  // After power on; counted from then.
+  struct Start {
+    Nanoseconds silent{};  // nothing is sent
+    Nanoseconds until{};   // the bit `starting` is set; 0 or more than `silent`
+    std::byte pattern{};   // and each byte of rates, specific forces and increments has this value; 0: as they are
+  };
+
+  std::string file;      // for messages to users
+  std::string name;      // of the product
+  std::string document;  // and its edition
+  UartSettings uart;     // baud 0: not given
+  Start start;
+  FrameEscape escape = FrameEscape::none;
+  std::vector<Check> checks;
+  std::vector<Message> messages;
+
+  FrameHostDescription host;
+  std::string baud_setting;  // that has the bit rate of the line; empty: `uart`
+};
+
+// A fault of a description, and its remedy.
+struct FrameFault {
+  std::uint32_t line = 0;  // 0: not known
+  std::string where;       // the message, and the element or key in it
+  std::string what;
+};
+
+// Returns the fault's place: the message and a key or element of it.
+std::string where_in(const FrameDescription::Message& message, const std::string& key);
+
+// All faults of a description; the text has the first.
+struct FrameFaults : std::invalid_argument {
+  FrameFaults(std::string_view file, std::vector<FrameFault> all);
+  std::vector<FrameFault> faults;  // at least one
+};
+
+}  // namespace imud

@@ -1,0 +1,92 @@
+// FrameElement: one element of a frame's layout, parsed from its text (README.md).
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "protocols/frames/layout/frame_check.hpp"
+#include "protocols/frames/layout/frame_description.hpp"
+#include "protocols/measurements/measured_quantities.hpp"
+
+namespace imud {
+
+// A number of a frame: u8 to u64, i8 to i64 in whole bytes, f32, f64.
+struct FrameNumber {
+  enum class Format : std::uint8_t { unsigned_integer, signed_integer, float32, float64 };
+  Format format = Format::unsigned_integer;
+  std::size_t bytes = 1;  // 1 to 8
+  bool is_big = false;    // high byte first
+  bool is_float() const noexcept { return format == Format::float32 || format == Format::float64; }
+};
+
+// The origin of a number.
+struct FrameSource {
+  enum class Kind : std::uint8_t {
+    constant,
+    quantity,       // in `in`
+    alive_counter,  // counts the message
+    frame_counter,  // counts all messages of the device
+    status,         // 1 if one of `bits` is set in Sample::status, or while the device is starting
+  };
+  static constexpr std::uint32_t starting = 0;  // `bits` of the state of the device
+
+  Kind kind = Kind::constant;
+  MeasuredIn in = {};
+  std::string unit = {};       // as written, for people: "deg_per_s"
+  std::uint32_t bits = 0;      // of a status
+  bool is_inverse = false;     // of a status
+  std::uint64_t constant = 0;  // of a constant
+  double modulus = 0;          // in the unit; 0: none
+};
+
+struct FrameElement {
+  enum class Kind : std::uint8_t { constant, label, unused, padding, field, bits, length, check };
+  struct BitField {
+    unsigned low = 0, high = 0;  // numbers of bits, 0 the lowest
+    FrameSource source;
+  };
+  // From one label to another; an empty name is the end of the frame for `to`, and of a check its own place.
+  struct Range {
+    std::string from, to;
+    bool is_to_end = false;  // `@` alone
+  };
+
+  Kind kind = Kind::constant;
+  std::string text;              // as in the file
+  std::vector<std::byte> bytes;  // of a constant; of a check: the bytes that follow its ranges
+  std::string label;             // without the @
+  std::size_t count = 0;         // unused bytes; of padding the bytes of which the frame becomes a multiple
+  FrameNumber number;            // of a field, bits, a length and a check
+  FrameSource source;            // of a field
+  double lsb = 1, offset = 0;    // of a field, in its unit
+  bool has_carry = false;        // of a field
+  bool is_floor = false;         // of a field: rounded down
+  std::vector<BitField> bit_fields;
+  std::vector<Range> ranges;  // of a length (one) and of a check
+  std::size_t divisor = 1;    // of a length: it counts pieces of so many bytes
+  std::int64_t plus = 0;      // of a length
+  std::optional<FrameCheck> check;
+};
+
+// Throws std::invalid_argument.
+[[noreturn]] void refuse_element(const std::string& fault);
+
+// Returns the element. `is_big`: the byte order of numbers that have none of their own. Throws std::invalid_argument,
+// whose message has the fault and the remedy.
+FrameElement parse_frame_element(std::string_view text, bool is_big, std::span<const FrameDescription::Check> own);
+
+// Returns the source that a name in a bit field or in test values means: a quantity with its unit, a counter or a
+// bit of the status; nullopt if there is none.
+std::optional<FrameSource> find_frame_source(std::string_view name);
+// Returns the fault of an unknown name, with the nearest name that is known.
+std::string unknown_frame_source(std::string_view name);
+
+// Parses pairs of hexadecimal digits, between which blanks may be; nullopt if the text is something else.
+std::optional<std::vector<std::byte>> hex_bytes_in(std::string_view text);
+
+}  // namespace imud

@@ -1,0 +1,244 @@
+#include "protocols/frames/layout/frame_layout.hpp"
+
+#include <algorithm>
+#include <bit>
+#include <boost/endian/conversion.hpp>
+#include <cmath>
+#include <cstring>
+
+#include "protocols/wire/wire.hpp"
+
+namespace imud {
+namespace {
+
+using Format = FrameNumber::Format;
+
+// A number that is less than a whole one by so little, in LSBs, because its factors are not exact, is that one.
+constexpr double floor_margin = 1e-6;
+
+// Returns the rounded number, in two's complement. `x` is in [-2^63, 2^64).
+std::uint64_t rounded(double x) noexcept {
+  return x >= 0x1p63 ? static_cast<std::uint64_t>(x) : static_cast<std::uint64_t>(to_integer(x));
+}
+
+// Both: a number of `type.bytes` bytes.
+void store(std::uint64_t bits, const FrameNumber& type, std::byte* to) noexcept {
+  const std::uint64_t ordered = type.is_big ? boost::endian::native_to_big(bits << (64 - 8 * type.bytes))
+                                            : boost::endian::native_to_little(bits);
+  switch (type.bytes) {  // The compiler makes one instruction of a copy whose size it knows.
+    case 1:
+      std::memcpy(to, &ordered, 1);
+      break;
+    case 2:
+      std::memcpy(to, &ordered, 2);
+      break;
+    case 4:
+      std::memcpy(to, &ordered, 4);
+      break;
+    case 8:
+      std::memcpy(to, &ordered, 8);
+      break;
+    default:
+      std::memcpy(to, &ordered, type.bytes);
+  }
+}
+
+std::uint64_t load(const FrameNumber& type, const std::byte* from) noexcept {
+  std::uint64_t ordered = 0;
+  std::memcpy(&ordered, from, type.bytes);
+  return type.is_big ? boost::endian::big_to_native(ordered) >> (64 - 8 * type.bytes)
+                     : boost::endian::little_to_native(ordered);
+}
+
+std::uint64_t repeated(std::byte byte) noexcept { return std::to_integer<std::uint64_t>(byte) * 0x0101010101010101U; }
+
+}  // namespace
+
+bool is_set(std::uint32_t bits, const Reading& reading, const MessageLayout::State& state) noexcept {
+  return bits == FrameSource::starting ? state.is_starting : (reading.sample.status & bits) != 0;
+}
+
+std::uint64_t FrameLayout::rounded_time(const Field& field, std::int64_t ns) const noexcept {
+  const std::int64_t lsb = field.time_lsb_ns, rest = ns % lsb;
+  const bool is_up = !field.is_floor && rest >= lsb - rest, is_down = field.is_floor ? rest < 0 : -rest > lsb + rest;
+  const std::int64_t ticks = ns / lsb + (is_up ? 1 : is_down ? -1 : 0);
+  if (field.modulus == 0) return static_cast<std::uint64_t>(ticks);
+  const auto period = static_cast<std::int64_t>(field.period);
+  const std::int64_t remainder = ticks % period;
+  return static_cast<std::uint64_t>(remainder < 0 ? remainder + period : remainder);
+}
+
+std::uint64_t FrameLayout::number_of(const Field& field, const Reading& reading, const State& state,
+                                     const FrameTestValues* given, std::span<double> carried,
+                                     unsigned& saturated) const noexcept {
+  const auto counted = [&field](std::uint64_t value) { return field.modulus != 0 ? value % field.period : value; };
+  switch (field.source) {
+    case Source::constant:
+      return 0;
+    case Source::alive_counter:
+      return counted(state.count);
+    case Source::frame_counter:
+      return counted(state.frames);
+    case Source::status:
+      return is_set(field.status_bits, reading, state) != field.is_inverse ? 1 : 0;
+    case Source::quantity:
+      break;
+  }
+  double si = 0;
+  switch (field.quantity->kind) {
+    case MeasuredQuantity::Kind::counter:
+      return counted(reading.sample.counter);
+    case MeasuredQuantity::Kind::status:
+      return counted(reading.sample.status);
+    case MeasuredQuantity::Kind::time:
+      if (field.time_lsb_ns != 0) return rounded_time(field, reading.sample.time.ns);
+      si = 1e-9 * static_cast<double>(reading.sample.time.ns);
+      break;
+    case MeasuredQuantity::Kind::number:
+      si = given != nullptr ? given->number(*field.quantity) : field.quantity->get(reading);
+      break;
+  }
+  double x = si / field.lsb + field.fraction;
+  if (field.modulus != 0) {
+    // A value that rounds to the modulus becomes 0.
+    const double half = (field.number.is_float() ? 0 : field.is_floor ? floor_margin : 0.5) * std::abs(field.scale);
+    double value = (si - field.zero) / field.factor;
+    value -= field.modulus * std::floor((value + half) / field.modulus);
+    x = (value - field.bias) / field.scale - field.whole;
+  }
+  if (field.carry) x += carried[*field.carry];
+  const double lowest = field.lowest - field.whole, highest = field.highest - field.whole;
+  const double limited = x > lowest ? std::min(x, highest) : lowest;  // a NaN is the lowest
+  const double margin = field.number.is_float() ? 0 : 0.5;
+  if (!(x >= lowest - margin && x <= highest + margin)) ++saturated;
+  if (field.number.format == Format::float32) return std::bit_cast<std::uint32_t>(to_float(limited + field.whole));
+  if (field.number.format == Format::float64) return std::bit_cast<std::uint64_t>(limited + field.whole);
+  const std::uint64_t number = rounded(field.is_floor ? std::floor(limited + floor_margin) : limited);
+  if (field.carry) {
+    const double sent = limited >= 0x1p63 ? limited : static_cast<double>(static_cast<std::int64_t>(number));
+    carried[*field.carry] = limited - sent;
+  }
+  return number + static_cast<std::uint64_t>(static_cast<std::int64_t>(field.whole));
+}
+
+unsigned FrameLayout::write(const Reading& reading, const State& state, const FrameTestValues* given,
+                            std::span<double> carried, std::span<std::byte> frame) const noexcept {
+  std::memcpy(frame.data(), template_.data(), template_.size());
+  unsigned saturated = 0;
+  for (const Field& field : fields_) {
+    const bool has_pattern = state.is_starting && field.is_inertial && pattern_ != std::byte{0};
+    std::uint64_t bits =
+        has_pattern ? repeated(pattern_) : number_of(field, reading, state, given, carried, saturated);
+    std::byte* const to = frame.data() + field.offset;
+    if (field.width != 8 * field.number.bytes)
+      bits = load(field.number, to) | (bits & low_bits(field.width)) << field.low;
+    store(bits, field.number, to);
+  }
+  write_checks(frame);
+  return saturated;
+}
+
+void FrameLayout::write_checks(std::span<std::byte> frame) const noexcept {
+  for (const Check& one : checks_)
+    store(one.check.of(frame, one.ranges, one.extra, one.is_big),
+          {Format::unsigned_integer, one.check.size(), one.is_big}, frame.data() + one.offset);
+}
+
+bool FrameLayout::may_coincide(const FrameLayout& other) const noexcept {
+  for (std::size_t i = 0; i < std::min(size(), other.size()); ++i)
+    if (((template_[i] ^ other.template_[i]) & constant_[i] & other.constant_[i]) != std::byte{0}) return false;
+  return true;
+}
+
+FrameLayout::Found FrameLayout::match(std::span<const std::byte> held) const noexcept {
+  const std::size_t known = std::min(held.size(), size());
+  for (std::size_t i = 0; i < known; ++i)
+    if (((held[i] ^ template_[i]) & constant_[i]) != std::byte{0}) return {Match::no, 0};
+  if (known < size()) return {Match::unfinished, 0};
+  for (const Check& one : checks_) {
+    const FrameNumber type{Format::unsigned_integer, one.check.size(), one.is_big};
+    const std::uint64_t right = one.check.of(held, one.ranges, one.extra, one.is_big);
+    if (((load(type, held.data() + one.offset) ^ right) & low_bits(static_cast<unsigned>(8 * type.bytes))) != 0)
+      return {Match::wrong_check, 0};
+  }
+  return {Match::yes, size()};
+}
+
+double FrameLayout::value_of(const Field& field, std::uint64_t bits) noexcept {
+  double number = 0;
+  switch (field.number.format) {
+    case Format::unsigned_integer:
+      number = static_cast<double>(bits);
+      break;
+    case Format::signed_integer:
+      number = static_cast<double>(static_cast<std::int64_t>(bits << (64 - field.width)) >> (64 - field.width));
+      break;
+    case Format::float32:
+      number = static_cast<double>(std::bit_cast<float>(static_cast<std::uint32_t>(bits)));
+      break;
+    case Format::float64:
+      number = std::bit_cast<double>(bits);
+      break;
+  }
+  return (number - field.whole - field.fraction) * field.lsb + 0.0;  // never -0
+}
+
+FrameLayout::Decoded FrameLayout::wrapping() const noexcept {
+  const auto of = [this](const std::optional<std::size_t>& field) {
+    return field ? std::optional(Wrapping{0, fields_[*field].period}) : std::nullopt;
+  };
+  return {of(clock_), of(counter_), of(alive_counter_)};
+}
+
+std::optional<FrameLayout::Decoded> FrameLayout::decode(std::span<const std::byte> frame,
+                                                        ReadBack& read) const noexcept {
+  Decoded decoded;
+  Measurement& measurement = read.measurement;
+  for (std::size_t i = 0; i < fields_.size(); ++i) {
+    const Field& field = fields_[i];
+    const std::uint64_t bits = load(field.number, frame.data() + field.offset) >> field.low & low_bits(field.width);
+    if (field.source == Source::alive_counter) {
+      if (i == alive_counter_) decoded.alive_counter = {bits, field.period};
+      continue;
+    }
+    if (field.source == Source::frame_counter) continue;
+    if (field.source == Source::status) {
+      // A bit that stands for several is read back only if they are one.
+      if (!std::has_single_bit(field.status_bits)) continue;
+      if ((bits != 0) != field.is_inverse)
+        measurement.sample.status |= field.status_bits;
+      else
+        measurement.sample.status &= ~field.status_bits;
+      measurement.fields |= Measurement::status;
+      continue;
+    }
+    switch (field.quantity->kind) {
+      case MeasuredQuantity::Kind::counter:
+        if (i == counter_) decoded.counter = {bits, field.period};
+        continue;
+      case MeasuredQuantity::Kind::status:
+        measurement.sample.status = static_cast<std::uint32_t>(bits);
+        measurement.fields |= Measurement::status;
+        continue;
+      case MeasuredQuantity::Kind::time:
+        if (field.time_lsb_ns != 0) {
+          if (i == clock_) decoded.time = {bits, field.period};
+          continue;
+        }
+        break;
+      case MeasuredQuantity::Kind::number:
+        break;
+    }
+    const double value = value_of(field, bits);
+    if (!std::isfinite(value)) return std::nullopt;
+    if (field.quantity->kind == MeasuredQuantity::Kind::time) {
+      measurement.sample.time.ns = std::llround(std::clamp(1e9 * value, -0x1p62, 0x1p62));
+      measurement.fields |= Measurement::time;
+    } else if (field.quantity->set != nullptr && field.modulus == 0) {
+      field.quantity->set(value, read);
+    }
+  }
+  return decoded;
+}
+
+}  // namespace imud

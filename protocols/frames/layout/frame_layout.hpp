@@ -1,0 +1,103 @@
+// FrameLayout: a message of a description, compiled into a template of its bytes and a list of the numbers in it. One
+// list serves encoder and decoder.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "protocols/frames/layout/frame_description.hpp"
+#include "protocols/frames/layout/frame_element.hpp"
+#include "protocols/frames/layout/frame_test_values.hpp"
+#include "protocols/frames/layout/message_layout.hpp"
+
+namespace imud {
+
+// Returns a number of so many ones, 0 to 64.
+constexpr std::uint64_t low_bits(unsigned bits) noexcept { return bits == 0 ? 0 : ~std::uint64_t{0} >> (64 - bits); }
+
+class FrameLayout final : public MessageLayout {
+ public:
+  // Throws FrameFaults with every fault of the message.
+  FrameLayout(const FrameDescription& description, const FrameDescription::Message& message);
+
+  std::size_t size() const noexcept { return template_.size(); }  // bytes
+  std::size_t longest() const noexcept override { return size(); }
+  bool has_increments() const noexcept override { return has_increments_; }
+  std::size_t carries() const noexcept override { return carries_; }
+  std::uint32_t components() const noexcept override { return components_; }
+  Encoded encode(const Reading& reading, const State& state, std::span<double> carried,
+                 std::span<std::byte> frame) const noexcept override {
+    return {size(), write(reading, state, nullptr, carried, frame)};
+  }
+  // Writes the checks of a frame of which some bytes were changed.
+  void seal(std::span<std::byte> frame) const noexcept { write_checks(frame); }
+  // Returns true if the constants allow bytes that begin with a frame of this layout and with one of the other.
+  bool may_coincide(const FrameLayout& other) const noexcept;
+  Found match(std::span<const std::byte> held) const noexcept override;
+  std::int64_t time_lsb_ns() const noexcept override { return clock_ ? fields_[*clock_].time_lsb_ns : 1; }
+  Decoded wrapping() const noexcept override;
+  std::optional<Decoded> decode(std::span<const std::byte> frame, ReadBack& read) const noexcept override;
+  const std::vector<Row>& rows() const noexcept override { return rows_; }
+
+ private:
+  using Source = FrameSource::Kind;
+  struct Field {
+    std::size_t offset = 0;
+    FrameNumber number;
+    unsigned low = 0, width = 8;  // bits of the number that the field has
+    Source source = Source::constant;
+    std::uint32_t status_bits = 0;  // of a bit of the status
+    bool is_inverse = false;
+    const MeasuredQuantity* quantity = nullptr;
+    // SI = (number - whole - fraction) * lsb; `whole` is apart so that no digits are lost.
+    double lsb = 1, whole = 0, fraction = 0;
+    double lowest = 0, highest = 0;  // of the number
+    std::int64_t time_lsb_ns = 0;    // of a clock that is an integer
+    std::uint64_t period = 0;        // of a clock or counter: the values it has; 0: 2^64
+    // With a modulus: number = (value in the unit, less the modulus as often as it fits, - bias) / scale.
+    double modulus = 0, factor = 1, zero = 0, scale = 1, bias = 0;
+    std::optional<std::size_t> carry;  // index in the remainders
+    bool is_floor = false;             // rounded down
+    bool is_inertial = false;          // a rate, specific force or increment
+  };
+  struct Check {
+    FrameCheck check;
+    std::size_t offset = 0;
+    bool is_big = false;
+    std::vector<FrameCheck::Range> ranges;
+    std::vector<std::byte> extra;
+    std::uint32_t line = 0;
+    std::string text;
+  };
+  class Compiler;
+
+  // Writes the frame; `given`, if not nullptr, has the values of quantities that are real numbers, in place of the
+  // Reading's. Returns the number of fields that saturate.
+  unsigned write(const Reading& reading, const State& state, const FrameTestValues* given, std::span<double> carried,
+                 std::span<std::byte> frame) const noexcept;
+  std::uint64_t number_of(const Field& field, const Reading& reading, const State& state,
+                          const FrameTestValues* given, std::span<double> carried,
+                          unsigned& saturated) const noexcept;
+  std::uint64_t rounded_time(const Field& field, std::int64_t ns) const noexcept;
+  // Returns the value in SI that a field of a frame has. The field is no clock that is an integer, counter or status.
+  static double value_of(const Field& field, std::uint64_t bits) noexcept;
+  void write_checks(std::span<std::byte> frame) const noexcept;
+
+  std::vector<std::byte> template_;  // the constants; all other bits are 0
+  std::vector<std::byte> constant_;  // the bits that are constant are 1
+  std::vector<Field> fields_;
+  std::vector<Check> checks_;  // a check whose range contains another one follows it
+  std::byte pattern_{};        // while starting, in place of inertial fields; 0: none
+  bool has_increments_ = false;
+  std::size_t carries_ = 0;
+  std::uint32_t components_ = 0;
+  // Where several fields are a clock or a counter, the one with the longest round is read back. Indices of fields.
+  std::optional<std::size_t> clock_, counter_, alive_counter_;
+  std::vector<Row> rows_;
+};
+
+}  // namespace imud

@@ -1,0 +1,44 @@
+// The parts of which the elements of layouts and texts consist. Private to the parsers of elements; all throw
+// std::invalid_argument, whose message has the fault and the remedy.
+#pragma once
+
+#include <algorithm>
+#include <string>
+#include <string_view>
+#include <utility>
+
+#include "protocols/frames/layout/frame_element.hpp"
+
+namespace imud {
+
+std::string quoted(std::string_view text);
+
+// Calls `take` with each part of the text between separators.
+template <class Take>
+void each_part(std::string_view text, char separator, Take take) {
+  for (std::size_t begin = 0; begin <= text.size();) {
+    const std::size_t end = std::min(text.find(separator, begin), text.size());
+    take(text.substr(begin, end - begin));
+    begin = end + 1;
+  }
+}
+
+// Reads NAME or NAME%MODULUS.
+FrameSource source_in(std::string_view text);
+// Returns true for a counter or a status, whose low bits are sent. It has a whole modulus and no LSB.
+bool is_counting(const FrameSource& source);
+void check_modulus(const FrameSource& source);
+
+// Reads [*LSB][+OFFSET] from the beginning of the text, and removes it. Returns the LSB, 1 if there is none, and the
+// offset.
+std::pair<double, double> take_scale(std::string_view& text);
+
+// Reads "@FROM..", "@FROM..@TO" or "@FROM..@".
+FrameElement::Range range_in(std::string_view text);
+// Returns the label in "@LABEL".
+std::string label_in(std::string_view text);
+
+// Returns the check of that name.
+FrameCheck check_named(std::string_view name, std::span<const FrameDescription::Check> own);
+
+}  // namespace imud

@@ -1,0 +1,41 @@
+// FrameTestValues: the values that a test frame has.
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+#include <span>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "core/sample.hpp"
+#include "protocols/frames/layout/frame_element.hpp"
+#include "protocols/frames/layout/message_layout.hpp"
+
+namespace imud {
+
+struct FrameTestValues {
+  Sample sample;  // clock, counter and status
+  MessageLayout::State state;
+  std::vector<std::pair<const MeasuredQuantity*, double>> numbers{};  // SI
+
+  // Adds the value of a source. Throws std::invalid_argument if the source cannot have it.
+  void add(const FrameSource& source, double value);
+  bool has(const MeasuredQuantity& quantity) const noexcept {
+    return std::ranges::find(numbers, &quantity, &std::pair<const MeasuredQuantity*, double>::first) != numbers.end();
+  }
+  // Returns the number that was given, 0 if none was.
+  double number(const MeasuredQuantity& quantity) const noexcept {
+    for (const auto& [known, value] : numbers)
+      if (known == &quantity) return value;
+    return 0;
+  }
+};
+
+// Returns the source that a test value sets. Throws std::invalid_argument if there is none.
+FrameSource test_source(const std::string& name);
+// Throws std::invalid_argument: none of the fields of the message, which have these texts, has the test value.
+[[noreturn]] void refuse_test_value(std::span<const std::string_view> fields);
+
+}  // namespace imud

@@ -1,0 +1,67 @@
+// TextLayout: a line of text, compiled into a list of its pieces. One list serves encoder and decoder.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "protocols/frames/layout/frame_description.hpp"
+#include "protocols/frames/layout/frame_test_values.hpp"
+#include "protocols/frames/layout/message_layout.hpp"
+#include "protocols/frames/text/text_piece.hpp"
+
+namespace imud {
+
+class TextLayout final : public MessageLayout {
+ public:
+  static constexpr std::size_t most_pieces = 128;
+
+  // Compiles message.text. Throws FrameFaults with every fault of the message.
+  TextLayout(const FrameDescription& description, const FrameDescription::Message& message);
+
+  std::size_t longest() const noexcept override { return longest_; }
+  bool has_increments() const noexcept override { return has_increments_; }
+  std::size_t carries() const noexcept override { return 0; }
+  std::uint32_t components() const noexcept override { return components_; }
+  Encoded encode(const Reading& reading, const State& state, std::span<double> carried,
+                 std::span<std::byte> frame) const noexcept override;
+  Found match(std::span<const std::byte> held) const noexcept override;
+  std::int64_t time_lsb_ns() const noexcept override { return time_lsb_ns_; }
+  Decoded wrapping() const noexcept override;
+  std::optional<Decoded> decode(std::span<const std::byte> frame, ReadBack& read) const noexcept override;
+  const std::vector<Row>& rows() const noexcept override { return rows_; }
+
+ private:
+  // The places at which the pieces of a frame begin, and at last its end.
+  using Places = std::array<std::uint16_t, most_pieces + 1>;
+  class Compiler;
+
+  Encoded write(const Reading& reading, const State& state, const FrameTestValues* given, Places& places,
+                std::span<std::byte> frame) const noexcept;
+  std::size_t write_field(const TextPiece& piece, const Reading& reading, const State& state,
+                          const FrameTestValues* given, char* out, unsigned& saturated) const noexcept;
+  std::size_t write_check(const TextPiece& piece, std::span<const std::byte> frame, const Places& places,
+                          char* out) const noexcept;
+  // Returns the piece that follows, without labels; nullptr if there is none.
+  const TextPiece* next(std::size_t index) const noexcept;
+  // Returns true if a field ends where `next` begins, because no text of it has the first character of `next`.
+  static bool is_closed_by(const TextPiece& field, const TextPiece& next) noexcept {
+    return next.kind == TextPiece::Kind::literal && !field.format.may_have(next.text.front());
+  }
+  Match find(std::string_view held, Places& places) const noexcept;
+  std::size_t field_end(std::size_t index, std::string_view held, std::size_t begin) const noexcept;
+  bool read_field(std::size_t index, std::string_view text, ReadBack& read, Decoded& decoded) const noexcept;
+
+  std::vector<TextPiece> pieces_;
+  std::size_t longest_ = 0;
+  bool has_increments_ = false;
+  std::uint32_t components_ = 0;
+  std::int64_t time_lsb_ns_ = 1;
+  // Indices of the pieces that are read back as clock and counters.
+  std::optional<std::size_t> clock_, counter_, alive_counter_;
+  std::vector<Row> rows_;
+};
+
+}  // namespace imud
