@@ -1,7 +1,6 @@
 // The UDP datagrams and TCP streams of a capture file, read by libpcap.
 #include <fcntl.h>
 #include <fmt/format.h>
-#include <pcap/pcap.h>
 #include <poll.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -12,9 +11,11 @@
 #include <cstdio>
 #include <filesystem>
 #include <new>
+#include <stdexcept>
 #include <string_view>
 #include <utility>
 
+#include "transports/capture/pcap_library.hpp"
 #include "transports/capture/tcp_stream.hpp"
 #include "transports/capture/udp_packet.hpp"
 #include "transports/file/compressed_file.hpp"
@@ -29,10 +30,20 @@ constexpr PortOption port_option = {
     .min = 1,
     .max = 65'535};
 
+const PcapLibrary& library(const PortSpec& spec) {
+  try {
+    return PcapLibrary::get();
+  } catch (const std::runtime_error& error) {
+    throw spec.error(fmt::format("libpcap is missing ({}); right would be to install it", error.what()));
+  }
+}
+
 class PcapPort final : public Port {
  public:
   PcapPort(const PortSpec& spec, const PortSettings& settings)
-      : port_(static_cast<std::uint16_t>(spec.integer(port_option).value_or(0))), admitted_(settings.from) {
+      : pcap_(library(spec)),
+        port_(static_cast<std::uint16_t>(spec.integer(port_option).value_or(0))),
+        admitted_(settings.from) {
     if (spec.address == "-") begin_standard_input(spec);
     // libpcap would wait for a pipe.
     std::error_code unknown;
@@ -43,17 +54,16 @@ class PcapPort final : public Port {
     if (spec.address != "-")
       compressed_ = CompressedFile::open(FileDescriptor(::open(spec.address.c_str(), O_RDONLY | O_CLOEXEC)).get());
     capture_.reset(compressed_ ? open_compressed(error.data())
-                               : ::pcap_open_offline_with_tstamp_precision(spec.address.c_str(),
-                                                                           PCAP_TSTAMP_PRECISION_NANO, error.data()));
+                               : pcap_.open_offline(spec.address.c_str(), PCAP_TSTAMP_PRECISION_NANO, error.data()));
     if (!capture_)
       throw spec.error(
           fmt::format("{}; right would be a pcap or pcapng file, as tcpdump -w and Wireshark write",
                       compressed_ && !compressed_->error().empty() ? compressed_->error() : error.data()));
     if (const auto size = std::filesystem::file_size(spec.address, unknown); !unknown)
       size_ = static_cast<double>(size);
-    link_type_ = ::pcap_datalink(capture_.get());
+    link_type_ = pcap_.datalink(capture_.get());
     if (!supports_link_type(link_type_)) {
-      const char* name = ::pcap_datalink_val_to_description_or_dlt(link_type_);
+      const char* name = pcap_.datalink_description(link_type_);
       throw spec.error(
           fmt::format("captured on link type {} ({}); right would be Ethernet, Linux cooked, raw IP or "
                       "loopback",
@@ -74,7 +84,7 @@ class PcapPort final : public Port {
       if (is_pipe_ && !is_readable(0)) break;
       pcap_pkthdr* record = nullptr;
       const unsigned char* bytes = nullptr;
-      const int result = ::pcap_next_ex(capture_.get(), &record, &bytes);
+      const int result = pcap_.next_ex(capture_.get(), &record, &bytes);
       if (result != 1) {
         records_end_ = result;
         stream_.finish();
@@ -93,7 +103,7 @@ class PcapPort final : public Port {
 
   bool at_end() const noexcept override { return at_end_; }
   std::optional<double> progress() const noexcept override {
-    const long position = compressed_ ? compressed_->offset() : std::ftell(::pcap_file(capture_.get()));
+    const long position = compressed_ ? compressed_->offset() : std::ftell(pcap_.file(capture_.get()));
     if (position < 0 || size_ <= 0) return std::nullopt;
     return std::min(1.0, static_cast<double>(position) / size_);
   }
@@ -180,7 +190,7 @@ class PcapPort final : public Port {
                                           .close = nullptr};
     FILE* file = ::fopencookie(compressed_.get(), "r", functions);
     if (file == nullptr) throw std::bad_alloc();
-    pcap_t* capture = ::pcap_fopen_offline_with_tstamp_precision(file, PCAP_TSTAMP_PRECISION_NANO, error);
+    pcap_t* capture = pcap_.fopen_offline(file, PCAP_TSTAMP_PRECISION_NANO, error);
     if (capture == nullptr) std::fclose(file);
     return capture;
   }
@@ -222,7 +232,7 @@ class PcapPort final : public Port {
     describe_content();
     if (result == PCAP_ERROR_BREAK) return;
     const std::string_view what =
-        compressed_ && !compressed_->error().empty() ? compressed_->error() : ::pcap_geterr(capture_.get());
+        compressed_ && !compressed_->error().empty() ? compressed_->error() : pcap_.error(capture_.get());
     const bool cut_short = what == "cut short" || what.find("truncated") != what.npos;
     const auto written =
         cut_short
@@ -232,7 +242,7 @@ class PcapPort final : public Port {
   }
 
   struct Close {
-    void operator()(pcap_t* capture) const noexcept { ::pcap_close(capture); }
+    void operator()(pcap_t* capture) const noexcept { PcapLibrary::get().close(capture); }
   };
   // The destination of datagrams or segments that are not for this port.
   struct OtherPort {
@@ -241,6 +251,7 @@ class PcapPort final : public Port {
     std::uint64_t packets = 0;
   };
 
+  const PcapLibrary& pcap_;
   const std::uint16_t port_;  // 0: any
   const std::optional<Endpoint> admitted_;
   std::array<OtherPort, 6> others_;             // the first that were found

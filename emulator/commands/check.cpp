@@ -65,10 +65,9 @@ void print_text(const std::string& path, const Config& config) {
   if (const std::string derived = fit_text(config.truth); !derived.empty()) fmt::print("{:<8} {}\n", "", derived);
   fmt::print("{:<8} {}\n", "earth", earth_text(config.truth));
   for (const ImuConfig& imu : config.imus) {
-    fmt::print("{:<8} {} at {} Hz to {}: {}\n", imu.name, imu.protocol->name, imu.rate_hz, imu.port,
-               line_load(imu).text());
+    fmt::print("{:<8} {} at {} Hz to {}: {}\n", imu.name, imu.protocol->name, imu.rate_hz, imu.port, imu.load.text());
     if (!imu.second_port.empty())
-      fmt::print("{:<8} second port {}: {}\n", "", imu.second_port, line_load(imu, 1).text());
+      fmt::print("{:<8} second port {}: {}\n", "", imu.second_port, imu.second_load.text());
     if (imu.protocol->layout != nullptr)
       for (const std::string& line : imu.protocol->layout(imu.settings)) fmt::print("{:<8} {}\n", "", line);
     for (const std::string& copy : imu.also) fmt::print("{:<8} the same bytes to {}\n", "", copy);
@@ -109,8 +108,8 @@ void print_json(const std::string& path, const Config& config) {
   resolved << toml::json_formatter(toml::parse(config.resolved()));
   Json imus = Json::array();
   for (const ImuConfig& imu : config.imus) {
-    Json lines = Json::array({load_json(imu.port, line_load(imu))});
-    if (!imu.second_port.empty()) lines.push_back(load_json(imu.second_port, line_load(imu, 1)));
+    Json lines = Json::array({load_json(imu.port, imu.load)});
+    if (!imu.second_port.empty()) lines.push_back(load_json(imu.second_port, imu.second_load));
     Json imu_json = {{"name", imu.name}, {"model", imu.errors_model}, {"lines", std::move(lines)}};
     if (imu.protocol->layout != nullptr) imu_json["layout"] = imu.protocol->layout(imu.settings);
     for (const TriadTerms& triad : triad_terms(imu.model)) {

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <string_view>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -196,11 +197,35 @@ void print_faults() {
   }
 }
 
+// Prints the entries of one table, a line each.
+template <class Entry>
+void print_lines(std::string_view kind, std::span<const Entry* const> entries) {
+  fmt::print("{}s\n", kind);
+  for (const Entry* entry : entries) {
+    fmt::print("  {:<12} {}", entry->name, entry->summary);
+    if constexpr (std::is_same_v<Entry, Transport>) fmt::print("; {}", entry->syntax);
+    fmt::print(" [{}]\n", entry->document);
+  }
+}
+
+void print_lines() {
+  print_lines("protocol", protocols());
+  print_lines("truth format", truth_formats());
+  print_lines("transport", transports());
+  fmt::print("presets\n");
+  for (const auto all : {presets(), field_presets()})
+    for (const Preset& preset : all) fmt::print("  {:<12} {} [{}]\n", preset.name, preset.summary(), preset.source());
+}
+
 }  // namespace
 
 int list(const std::string& name, bool json) {
   if (name == "faults" && !json) {
     print_faults();
+    return 0;
+  }
+  if (name.empty() && !json) {
+    print_lines();
     return 0;
   }
   Json chosen = Json::array();
@@ -223,20 +248,10 @@ int list(const std::string& name, bool json) {
     for (const auto all : {presets(), field_presets()})
       for (const Preset& preset : all) add(&preset);
   }
-  if (json) {
+  if (json)
     fmt::print("{}\n", chosen.dump(2));
-    return 0;
-  }
-  std::string kind;
-  for (const Json& entry : chosen) {
-    if (!name.empty()) {
-      print(entry);
-      continue;
-    }
-    if (text(entry, "kind") != std::exchange(kind, text(entry, "kind"))) fmt::print("{}s\n", kind);
-    fmt::print("  {:<12} {}{} [{}]\n", text(entry, "name"), text(entry, "summary"),
-               entry.contains("syntax") ? "; " + text(entry, "syntax") : "", text(entry, "document"));
-  }
+  else
+    for (const Json& entry : chosen) print(entry);
   return 0;
 }
 

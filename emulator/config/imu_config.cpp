@@ -348,25 +348,29 @@ ImuConfig read_imu(TableReader& table, std::size_t index) {
   const Transport* transport = check_device_port(table, "port", imu.port, imu.port_settings);
   if (transport != nullptr && imu.protocol != nullptr) {
     const bool can = imu.protocol->link == Link::can;
-    if (transport->carries_can != can)
+    if (transport->carries_can == can)
+      imu.load = line_load(imu);
+    else
       table.fault(
           "port",
           fmt::format("{} is for {}; give {}", imu.protocol->name, can ? "a CAN bus" : "byte links",
                       ports_that([&](const Transport& t) { return t.serves_device && t.carries_can == can; })));
-    else if (const LineLoad load = line_load(imu); load.percent > 100.0)
+    if (imu.load.percent > 100.0)
       table.fault(product ? "device" : "rate_hz",
-                  fmt::format("{}; {}", load.text(),
+                  fmt::format("{}; {}", imu.load.text(),
                               product ? "reduce what it sends or how often, or give a faster line"
                                       : "give a lower rate or a faster line"));
-    else if (load.percent >= BusLoad::high_percent && can)
-      table.warn("port", fmt::format("{}; above {:.0f} % a CAN bus delays frames of low priority", load.text(),
+    else if (imu.load.percent >= BusLoad::high_percent && can)
+      table.warn("port", fmt::format("{}; above {:.0f} % a CAN bus delays frames of low priority", imu.load.text(),
                                      BusLoad::high_percent));
   }
-  if (read_second_port(table, imu) != nullptr && imu.protocol != nullptr)
-    if (const LineLoad load = line_load(imu, 1); load.percent > 100.0)
+  if (read_second_port(table, imu) != nullptr && imu.protocol != nullptr) {
+    imu.second_load = line_load(imu, 1);
+    if (imu.second_load.percent > 100.0)
       table.fault("device",
                   fmt::format("at the second port {}; reduce what it sends or how often, or give a faster line",
-                              load.text()));
+                              imu.second_load.text()));
+  }
 
   read_also(table, imu);
   imu.sync = read_sync(table.child("sync"), imu.protocol);

@@ -127,7 +127,7 @@ class Together {
 
   void check_bit_rates(const std::vector<ImuConfig>& imus, const BusLoad& bus) {
     for (const std::size_t i : bus.imus) {
-      const double own = line_load(imus[i]).line_bits_per_s;
+      const double own = imus[i].load.line_bits_per_s;
       i_ = i;
       if (own != 0 && own != bus.line_bits_per_s)
         fault("port", fmt::format("{} bit/s, and imu.{} gives {} for the same bus; give one bit rate", own,

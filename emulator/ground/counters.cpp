@@ -97,8 +97,8 @@ void DeviceCounters::store(std::span<const std::uint64_t> counts, std::span<cons
 SnapshotValues::SnapshotValues(const CounterGroup& group) {
   for (const Counter* counter : group.counters) counts.push_back(counter->load(std::memory_order_relaxed));
   for (const Level* level : group.levels) levels.push_back(level->load(std::memory_order_relaxed));
-  durations.assign(group.durations.size(), {});
-  for (std::size_t i = 0; i < durations.size(); ++i) durations[i] = *group.durations[i];
+  durations.reserve(group.durations.size());
+  for (const Durations* measured : group.durations) durations.emplace_back(*measured);
 }
 
 void SnapshotValues::subtract(const SnapshotValues& before) {

@@ -20,6 +20,7 @@
 #include "emulator/ground/words.hpp"
 #include "emulator/plan/expect_config.hpp"
 #include "emulator/plan/fault_config.hpp"
+#include "emulator/plan/line_load.hpp"
 #include "emulator/plan/sync_config.hpp"
 #include "emulator/plan/truth_delay.hpp"
 #include "emulator/plan/web_config.hpp"
@@ -94,6 +95,7 @@ struct ImuConfig {
   PortSettings second_port_settings = Role::device;
   std::vector<std::string> also;  // further ports that carry the bytes of `port`
   std::vector<PortSettings> also_settings;
+  LineLoad load, second_load;                       // of the lines at `port` and `second_port`
   BeforeFirst before_first = BeforeFirst::silence;  // always silence unless live truth drives it in realtime
   SyncConfig sync;
   std::string errors_model;  // the key `model`: the source of the errors in `model`

@@ -7,7 +7,6 @@
 #include <array>
 #include <string_view>
 
-#include "emulator/config/line_load.hpp"
 #include "emulator/faults/fault_book.hpp"
 #include "emulator/faults/fault_labels.hpp"
 
@@ -48,7 +47,7 @@ Monitor::Monitor(RunCounters counters, const Config& config, const Options& opti
 
 void Monitor::update_loads() {
   line_loads_.clear();
-  for (const ImuConfig& imu : config_.imus) line_loads_.push_back(line_load(imu).percent);
+  for (const ImuConfig& imu : config_.imus) line_loads_.push_back(imu.load.percent);
   pty_readers_.watch(config_);
 }
 

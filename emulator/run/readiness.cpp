@@ -3,11 +3,15 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <spdlog/spdlog.h>
-#include <systemd/sd-daemon.h>
+#include <sys/socket.h>
+#include <sys/un.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <chrono>
+#include <cstddef>
+#include <cstdlib>
 #include <cstring>
 #include <string>
 #include <string_view>
@@ -38,13 +42,26 @@ std::vector<std::string> unread_ports(Engine& engine, const Config& config) {
   return unread;
 }
 
+// Sends a state to the service manager's datagram socket, as sd_notify(3) specifies; `@` begins an abstract address.
+// Not by libsystemd, whose libraries every start of imud would load.
+void notify(std::string_view state) {
+  const char* const path = std::getenv("NOTIFY_SOCKET");
+  sockaddr_un address{.sun_family = AF_UNIX, .sun_path = {}};
+  if (path == nullptr || (path[0] != '/' && path[0] != '@') || std::strlen(path) >= sizeof address.sun_path) return;
+  std::memcpy(address.sun_path, path, std::strlen(path));
+  if (path[0] == '@') address.sun_path[0] = '\0';
+  const auto size = static_cast<socklen_t>(offsetof(sockaddr_un, sun_path) + std::strlen(path));
+  const FileDescriptor socket(::socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0));
+  ::sendto(socket.get(), state.data(), state.size(), MSG_NOSIGNAL, reinterpret_cast<const sockaddr*>(&address), size);
+}
+
 }  // namespace
 
 void report_ready(const ChosenPorts& chosen, std::optional<int> ready_fd) {
   std::string ports;
   for (const auto& [key, port] : chosen) ports += fmt::format(", {} is {}", key, port);
   spdlog::info("ready{}", ports);
-  ::sd_notify(0, "READY=1");
+  notify("READY=1");
   if (!ready_fd) return;
   const FileDescriptor descriptor(*ready_fd);
   constexpr std::string_view ready = "ready\n";
@@ -52,7 +69,7 @@ void report_ready(const ChosenPorts& chosen, std::optional<int> ready_fd) {
     spdlog::warn("--ready-fd {}: cannot be written: {}", *ready_fd, strerrordesc_np(errno));
 }
 
-void report_stopping() { ::sd_notify(0, "STOPPING=1"); }
+void report_stopping() { notify("STOPPING=1"); }
 
 void wait_for_readers(Engine& engine, const Config& config, boost::asio::io_context& io,
                       const std::function<bool()>& stopped) {

@@ -17,7 +17,6 @@
 #include <utility>
 #include <vector>
 
-#include "emulator/config/line_load.hpp"
 #include "emulator/config/scenario.hpp"
 #include "emulator/drive/assembly.hpp"
 #include "emulator/drive/stored_truths.hpp"
@@ -57,7 +56,7 @@ class Runs {
         truths_(options.repeats ? std::nullopt : StoredTruths::read(config.truth, most_records(config.truth.port))) {
     if (truths_) config_.truth.format = &truths_->format();
     if (!options.repeats) config_.control.faults = false;  // nobody controls these runs
-    for (const ImuConfig& imu : config.imus) line_loads_.push_back(line_load(imu).percent);
+    for (const ImuConfig& imu : config.imus) line_loads_.push_back(imu.load.percent);
     if (seeds.npy.empty()) return;
     arrays_ = std::make_unique<SeedArrays>(config_, seeds.npy);
     arrays_->begin(config_, {seeds_.first, seeds_.size(), origin_of(config, options)}, run_for_arrays());

@@ -12,13 +12,21 @@
 namespace imud {
 namespace {
 
+constexpr Setting settings[] = {
+    integer_setting(
+        "digits", "most significant digits of a real number; 17: as few as are read as exactly the same number again",
+        all_digits, 1, all_digits),
+};
+
 class CsvDevice final : public Device {
  public:
+  explicit CsvDevice(const Settings& chosen) : digits_(static_cast<int>(chosen.integer("digits"))) {}
+
   void sample(const Sample& sample, FrameBuffer& out) noexcept override {
     if (!header_sent_) push(measurement_csv_header, out);
     header_sent_ = true;
     std::array<char, measurement_csv_row_max> row;
-    push({row.data(), write_measurement_csv({sample, Measurement::all}, row)}, out);
+    push({row.data(), write_measurement_csv({sample, Measurement::all}, row, digits_)}, out);
   }
 
  private:
@@ -29,6 +37,7 @@ class CsvDevice final : public Device {
     out.push(text.size());
   }
 
+  const int digits_;
   bool header_sent_ = false;
 };
 
@@ -71,8 +80,9 @@ extern constexpr Protocol csv_protocol = {
     .summary = "rows of text, with a header row first: what imu-decode prints",
     .link = Link::bytes,
     .document = "protocols/measurements/measurement_csv.hpp",
+    .settings = settings,
     .has_self_test = true,
-    .make = [](const Settings&) -> std::unique_ptr<Device> { return std::make_unique<CsvDevice>(); },
+    .make = make_as<Device, CsvDevice>,
     .make_decoder = [](const Settings&) -> std::unique_ptr<Decoder> { return std::make_unique<CsvDecoder>(); },
 };
 

@@ -6,7 +6,6 @@
 
 #include "protocols/quantities/columns.hpp"
 #include "protocols/wire/number_text.hpp"
-#include "protocols/wire/shortest_text.hpp"
 
 namespace imud {
 namespace {
@@ -21,11 +20,11 @@ constexpr struct {
 
 class RowWriter {
  public:
-  explicit RowWriter(std::span<char, measurement_csv_row_max> row)
-      : begin_(row.data()), at_(begin_), end_(begin_ + row.size()) {}
+  RowWriter(std::span<char, measurement_csv_row_max> row, int digits)
+      : begin_(row.data()), at_(begin_), end_(begin_ + row.size()), digits_(digits) {}
 
   void field(bool carried, double number, char separator = ',') noexcept {
-    if (carried) at_ = write_shortest(at_, number);
+    if (carried) at_ = digits_ == all_digits ? write_shortest(at_, number) : write_rounded(at_, number, digits_);
     *at_++ = separator;
   }
   template <std::integral Number>
@@ -40,6 +39,7 @@ class RowWriter {
   char* begin_;
   char* at_;
   char* end_;
+  int digits_;
 };
 
 // Reads fields one after another. After a wrong field `good` stays false.
@@ -82,11 +82,11 @@ class RowReader {
 
 }  // namespace
 
-std::size_t write_measurement_csv(const Measurement& measurement,
-                                  std::span<char, measurement_csv_row_max> row) noexcept {
+std::size_t write_measurement_csv(const Measurement& measurement, std::span<char, measurement_csv_row_max> row,
+                                  int digits) noexcept {
   const Sample& sample = measurement.sample;
   const auto carried = [&](Measurement::Field field) { return (measurement.fields & field) != 0; };
-  RowWriter writer(row);
+  RowWriter writer(row, digits);
   writer.field(carried(Measurement::time), sample.time.ns);
   writer.field(carried(Measurement::counter), sample.counter);
   for (const auto& [field, vector] : vectors)

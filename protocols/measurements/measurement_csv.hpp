@@ -9,6 +9,7 @@
 #include <string_view>
 
 #include "protocols/protocol.hpp"
+#include "protocols/wire/shortest_text.hpp"
 
 namespace imud {
 
@@ -20,9 +21,9 @@ inline constexpr std::string_view measurement_csv_header =
 // Longer than any row: 15 commas, LF, 13 doubles of at most 24 characters, integers of 20, 20 and 10.
 inline constexpr std::size_t measurement_csv_row_max = 384;
 
-// Writes a row with its LF; returns its length.
-std::size_t write_measurement_csv(const Measurement& measurement,
-                                  std::span<char, measurement_csv_row_max> row) noexcept;
+// Writes a row with its LF; returns its length. `digits`: see write_rounded().
+std::size_t write_measurement_csv(const Measurement& measurement, std::span<char, measurement_csv_row_max> row,
+                                  int digits = all_digits) noexcept;
 
 // Reads a row, given without its end of line. Returns false, with `measurement` unspecified, if the row is malformed:
 // it has not 16 columns, a field is not a finite number, or only some components of a vector are empty.

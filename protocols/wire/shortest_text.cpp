@@ -2,21 +2,72 @@
 
 #include <fmt/format.h>
 
+#include <array>
 #include <charconv>
 #include <cmath>
+#include <cstdint>
 #include <cstdlib>
 
 namespace imud {
+namespace {
 
-char* write_shortest(char* at, double number) noexcept {
+struct Decimal {
+  std::uint64_t significand;
+  int exponent;
+};
+
+constexpr auto powers_of_ten = [] {
+  std::array<std::uint64_t, all_digits + 1> powers{1};
+  for (std::size_t i = 1; i < powers.size(); ++i) powers[i] = 10 * powers[i - 1];
+  return powers;
+}();
+
+// Rounds the exact value of `magnitude` to `digits` significant digits.
+Decimal rounded_exactly(double magnitude, int digits) noexcept {
+  std::array<char, 32> text;
+  const char* const end =
+      std::to_chars(text.begin(), text.end(), magnitude, std::chars_format::scientific, digits - 1).ptr;
+  Decimal decimal{0, 0};
+  const char* at = text.begin();
+  for (; *at != 'e'; ++at)
+    if (*at != '.') decimal.significand = 10 * decimal.significand + static_cast<std::uint64_t>(*at - '0');
+  std::from_chars(at[1] == '+' ? at + 2 : at + 1, end, decimal.exponent);
+  decimal.exponent -= digits - 1;
+  return decimal;
+}
+
+// Rounds the shortest digits of `magnitude`, `count` of them. The exact value rounds to the same digits unless the
+// shortest are halfway between two: any other number halfway has fewer digits, so that it would be the shortest one
+// if it was between the two values.
+Decimal rounded(double magnitude, Decimal shortest, int count, int digits) noexcept {
+  const std::uint64_t unit = powers_of_ten[static_cast<std::size_t>(count - digits)];
+  const std::uint64_t rest = shortest.significand % unit;
+  Decimal decimal{shortest.significand / unit + (rest > unit / 2 ? 1 : 0), shortest.exponent + count - digits};
+  if (rest == unit / 2) decimal = rounded_exactly(magnitude, digits);
+  for (; decimal.significand % 10 == 0; ++decimal.exponent) decimal.significand /= 10;
+  return decimal;
+}
+
+// Compiled for each kind apart, so that numbers with all their digits take no instructions for fewer.
+template <bool is_limited>
+[[gnu::always_inline]] inline char* write(char* at, double number, [[maybe_unused]] int digits) noexcept {
   // An integer above this may have other digits than zeros behind its shortest ones.
   constexpr int exact_digits = 15;
   const double magnitude = std::abs(number);
   if (!(magnitude > 0) || !std::isfinite(magnitude)) return std::to_chars(at, at + longest_shortest_text, number).ptr;
-  const auto [significand, exponent] = fmt::detail::dragonbox::to_decimal(magnitude);
-  const int count = fmt::detail::count_digits(significand);
+  auto [significand, exponent] = fmt::detail::dragonbox::to_decimal(magnitude);
+  int count = fmt::detail::count_digits(significand);
+  if constexpr (is_limited) {
+    if (count > digits) {
+      const Decimal fewer = rounded(magnitude, {significand, exponent}, count, digits);
+      significand = fewer.significand;
+      exponent = fewer.exponent;
+      count = fmt::detail::count_digits(significand);
+    }
+  }
   const int before_point = count + exponent;  // digits; not positive: zeros follow the point
-  if (before_point > exact_digits && exponent >= 0) return std::to_chars(at, at + longest_shortest_text, number).ptr;
+  if (!is_limited && before_point > exact_digits && exponent >= 0)
+    return std::to_chars(at, at + longest_shortest_text, number).ptr;
 
   if (std::signbit(number)) *at++ = '-';
   const int power = before_point - 1;
@@ -44,6 +95,14 @@ char* write_shortest(char* at, double number) noexcept {
   *at++ = power < 0 ? '-' : '+';
   if (std::abs(power) < 10) *at++ = '0';
   return std::to_chars(at, at + 3, std::abs(power)).ptr;
+}
+
+}  // namespace
+
+char* write_shortest(char* at, double number) noexcept { return write<false>(at, number, all_digits); }
+
+char* write_rounded(char* at, double number, int digits) noexcept {
+  return digits < all_digits ? write<true>(at, number, digits) : write_shortest(at, number);
 }
 
 }  // namespace imud

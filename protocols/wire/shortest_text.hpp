@@ -11,4 +11,11 @@ inline constexpr int longest_shortest_text = 24;
 // is room for longest_shortest_text characters. Returns their end.
 char* write_shortest(char* at, double number) noexcept;
 
+// No double needs more significant digits to be read as itself again.
+inline constexpr int all_digits = 17;
+
+// As write_shortest(), but a number that needs more than `digits` significant digits, 1 to all_digits, is rounded to
+// so many: the nearest of its exact value, as by printf, without zeros at its end.
+char* write_rounded(char* at, double number, int digits) noexcept;
+
 }  // namespace imud

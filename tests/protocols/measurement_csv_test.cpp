@@ -39,6 +39,31 @@ TEST(MeasurementCsv, RowIsAsInTheContract) {
   EXPECT_EQ(row_of(known_measurement(0)), ",,,,,,,,,,,,,,,\n");
 }
 
+TEST(MeasurementCsv, DigitsLimitRealNumbersAlone) {
+  Measurement measurement = known_measurement(Measurement::all);
+  measurement.sample.time.ns = 123'456'789;
+  std::array<char, measurement_csv_row_max> row;
+  const std::string text(row.data(), write_measurement_csv(measurement, row, 4));
+  EXPECT_EQ(text, "123456789,1,0.1,-0,1e-09,0.3333,-9.807,1e+22,1,2,3,0.5,0.25,0.125,25,4294967295\n");
+}
+
+TEST(MeasurementCsv, TheDeviceSendsAsManyDigitsAsItsSettingHas) {
+  const Protocol& csv = protocol_named("csv");
+  Settings settings(csv.settings);
+  settings.set("digits", std::int64_t{6});
+  Sample sample;
+  sample.rate = {1.0 / 3, 0, 0};
+  FrameBuffer frames;
+  const auto device = csv.make(settings);
+  device->sample(sample, frames);
+  ASSERT_EQ(frames.frames().size(), 2U);
+  const auto bytes = frames.frames()[1].bytes;
+  EXPECT_EQ(std::string(reinterpret_cast<const char*>(bytes.data()), bytes.size()),
+            "0,0,0.333333,0,0,0,0,0,0,0,0,0,0,0,25,0\n");
+  EXPECT_THROW(settings.set("digits", std::int64_t{0}), std::invalid_argument);
+  EXPECT_THROW(settings.set("digits", std::int64_t{18}), std::invalid_argument);
+}
+
 TEST(MeasurementCsv, LongestRowFits) {
   Measurement measurement;
   measurement.fields = Measurement::all;

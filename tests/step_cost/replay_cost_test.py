@@ -7,11 +7,12 @@ Valgrind counts two lengths of a run, of which the difference counts. A figure t
 the table fails; another compiler or C library has other figures, which are only printed.
 """
 import os
-import platform
 import re
 import subprocess
 import sys
 import tempfile
+
+from counted import instructions, is_known
 
 imud, imu_truth, run_loop = map(os.path.abspath, sys.argv[1:4])
 percent = float(sys.argv[4])
@@ -20,15 +21,6 @@ EXPECTED = {"native": 3820, "csv": 9061, "stim300": 5539, "mip": 5714, "vectorna
             "the loop, 1 imu": 5792, "the loop, 16 imus": 5955}
 RATES = {"stim300": 2000, "vectornav": 800}  # a product's own; elsewhere 1 kHz
 RANGES = "gyro.max_rad_per_s = 100\naccelerometer.max_m_per_s2 = 1000\n"
-
-
-def instructions(*command):
-    command = ["valgrind", "--tool=callgrind", "--callgrind-out-file=/dev/null", *command]
-    run = subprocess.run(command, capture_output=True, text=True, check=False)
-    counted = re.search(r"Collected : (\d+)", run.stderr)
-    if run.returncode != 0 or counted is None:
-        sys.exit(f"{' '.join(command)}: {run.stderr}")
-    return int(counted[1])
 
 
 def write(name, text):
@@ -53,13 +45,6 @@ def of_the_loop(imus):
         f"phase_us = {1000 * i / imus}\n" + RANGES for i in range(imus)))
     few, many = (instructions(run_loop, "loop.toml", str(s)) for s in (1, 3))
     return (many - few) / (2000 * imus)
-
-
-def is_known():
-    with open("/proc/cpuinfo", encoding="utf-8") as file:
-        has_avx2 = " avx2 " in file.read()
-    compiler = subprocess.run(["g++", "-dumpfullversion"], capture_output=True, text=True, check=False).stdout.strip()
-    return has_avx2 and compiler.startswith("12.2") and platform.libc_ver() == ("glibc", "2.36")
 
 
 counted = 0

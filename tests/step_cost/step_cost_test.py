@@ -6,25 +6,16 @@ step_cost_test.py TAKE_STEPS
 Valgrind counts them, so that the figures do not depend on what else the machine does. The program ends with a fault if
 a step allocates or a sample is saturated.
 """
-import re
-import subprocess
 import sys
+
+from counted import instructions
 
 take_steps = sys.argv[1]
 
 
-def instructions(model, steps):
-    command = ["valgrind", "--tool=callgrind", "--callgrind-out-file=/dev/null", take_steps, model, str(steps)]
-    run = subprocess.run(command, capture_output=True, text=True)
-    counted = re.search(r"Collected : (\d+)", run.stderr)
-    if run.returncode != 0 or counted is None:
-        sys.exit(f"{' '.join(command)}: {run.stderr}")
-    return int(counted[1])
-
-
 def per_step(model):
     few, many = 10_000, 30_000
-    return (instructions(model, many) - instructions(model, few)) / (many - few)
+    return (instructions(take_steps, model, str(many)) - instructions(take_steps, model, str(few))) / (many - few)
 
 
 truths = per_step("truths")

@@ -22,7 +22,7 @@ std::size_t padded(std::size_t size) noexcept { return (size + 3) / 4 * 4; }
 PcapngReader::PcapngReader(const PortSpec& spec) : file_(spec) {
   if (!file_.is_regular()) return;
   constexpr std::size_t head = 12;
-  if (!fill(head) || !begin_section(Bytes(buffer_).first(head)))
+  if (!fill(head) || !begin_section(buffer_.first(head)))
     throw spec.error(fmt::format("does not begin with a pcapng section header; {}", right));
 }
 
@@ -44,7 +44,7 @@ bool PcapngReader::fill(std::size_t size) noexcept {
   std::memmove(buffer_.data(), buffer_.data() + begin_, end_ - begin_);
   end_ -= std::exchange(begin_, 0);
   while (end_ < size) {
-    const std::size_t read = file_.read(std::span(buffer_).subspan(end_));
+    const std::size_t read = file_.read(buffer_.subspan(end_));
     if (read == 0) return false;
     end_ += read;
   }
@@ -75,7 +75,7 @@ std::optional<PcapngReader::Bytes> PcapngReader::next_block(std::uint32_t& type)
       end(!file_.end_warning().empty() ? file_.end_warning() : is_whole ? "" : "cut short");
       return std::nullopt;
     }
-    const Bytes start = Bytes(buffer_).subspan(begin_, head);
+    const Bytes start = buffer_.subspan(begin_, head);
     if (u32(start, 0) == section_header && !begin_section(start)) {
       end("damaged");
       return std::nullopt;
@@ -97,7 +97,7 @@ std::optional<PcapngReader::Bytes> PcapngReader::next_block(std::uint32_t& type)
       end("cut short");
       return std::nullopt;
     }
-    const Bytes block = Bytes(buffer_).subspan(begin_, length);
+    const Bytes block = buffer_.subspan(begin_, length);
     if (u32(block, length - block_tail) != length) {
       end("damaged");
       return std::nullopt;

@@ -4,6 +4,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <span>
 #include <string_view>
@@ -59,7 +60,10 @@ class PcapngReader {
   void end(std::string_view what) noexcept;
 
   FileInput file_;
-  std::vector<std::byte> buffer_ = std::vector<std::byte>(2 * longest_block);
+  // Not filled with zeros, so that a short file takes few pages of memory.
+  static constexpr std::size_t buffer_size = 2 * longest_block;
+  const std::unique_ptr<std::byte[]> memory_ = std::make_unique_for_overwrite<std::byte[]>(buffer_size);
+  const std::span<std::byte> buffer_{memory_.get(), buffer_size};
   std::size_t begin_ = 0, end_ = 0;  // what was read and is not parsed
   std::size_t skip_ = 0;             // bytes of a block too long for the buffer that are still to be skipped
   bool swapped_ = false;             // the section has the other byte order

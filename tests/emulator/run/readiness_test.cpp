@@ -1,8 +1,12 @@
 // How a run reports that it is ready, the UDP ports that the system has chosen, and the wait for readers.
 #include <fcntl.h>
+#include <sys/socket.h>
 #include <sys/un.h>
+#include <unistd.h>
 
+#include <array>
 #include <csignal>
+#include <cstddef>
 #include <regex>
 
 #include "tests/emulator/run/live_test.hpp"
@@ -47,27 +51,54 @@ class ReadinessTest : public LiveTest {
   FileDescriptor ready_, to_imud_;
 };
 
-TEST_F(ReadinessTest, ReadyIsReportedWhenTheLinkStandsBeforeAnyTruth) {
-  sockaddr_un address{};
-  address.sun_family = AF_UNIX;
-  path("notify").copy(address.sun_path, sizeof address.sun_path - 1);
-  const FileDescriptor manager(::socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0));
-  ASSERT_EQ(::bind(manager.get(), reinterpret_cast<const sockaddr*>(&address), sizeof address), 0);
-  const auto notified = [&] {
+// The socket at which a service manager is notified.
+class Manager {
+ public:
+  // `name`: as in NOTIFY_SOCKET; a path, or @ and an abstract name.
+  explicit Manager(const std::string& name) {
+    sockaddr_un address{};
+    address.sun_family = AF_UNIX;
+    name.copy(address.sun_path, sizeof address.sun_path - 1);
+    if (name.starts_with('@')) address.sun_path[0] = '\0';
+    const std::size_t size = offsetof(sockaddr_un, sun_path) + name.size();
+    EXPECT_EQ(::bind(socket_.get(), reinterpret_cast<const sockaddr*>(&address), static_cast<socklen_t>(size)), 0);
+  }
+  // Waits for the next datagram.
+  std::string notified() const {
     std::array<char, 64> text{};
-    const ssize_t size = ::recv(manager.get(), text.data(), text.size(), 0);
+    const ssize_t size = ::recv(socket_.get(), text.data(), text.size(), 0);
     return std::string(text.data(), static_cast<std::size_t>(std::max<ssize_t>(size, 0)));
-  };
+  }
+
+ private:
+  FileDescriptor socket_{::socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0)};
+};
+
+TEST_F(ReadinessTest, AnAbstractAddressIsNotified) {
+  const std::string name = "@imud-readiness-" + std::to_string(::getpid());
+  const Manager manager(name);
+  Program imud("imud");
+  ::setenv("NOTIFY_SOCKET", name.c_str(), 1);
+  start(imud, pty_config(), ready_fd());
+  ::unsetenv("NOTIFY_SOCKET");
+  EXPECT_EQ(ready_text(), "ready\n");
+  EXPECT_EQ(manager.notified(), "READY=1");
+  EXPECT_EQ(imud.stop(), 0);
+  EXPECT_EQ(manager.notified(), "STOPPING=1");
+}
+
+TEST_F(ReadinessTest, ReadyIsReportedWhenTheLinkStandsBeforeAnyTruth) {
+  const Manager manager(path("notify"));
   Program imud("imud");
   ::setenv("NOTIFY_SOCKET", path("notify").c_str(), 1);
   start(imud, pty_config(), ready_fd());
   ::unsetenv("NOTIFY_SOCKET");
   EXPECT_EQ(ready_text(), "ready\n");
   EXPECT_TRUE(std::filesystem::is_symlink(path("imu")));
-  EXPECT_EQ(notified(), "READY=1");
+  EXPECT_EQ(manager.notified(), "READY=1");
   EXPECT_TRUE(imud.wait_for_errors("info ready\n"));
   EXPECT_EQ(imud.stop(), 0);
-  EXPECT_EQ(notified(), "STOPPING=1");
+  EXPECT_EQ(manager.notified(), "STOPPING=1");
   EXPECT_EQ(count(imud.errors(), "ready"), 1U);
 }
 

@@ -1,0 +1,24 @@
+// PcapLibrary: the functions of libpcap that read captures.
+#pragma once
+
+#include <pcap/pcap.h>
+
+namespace imud {
+
+// libpcap is loaded when the first capture is opened: it depends on D-Bus, systemd and five further libraries, with
+// which it captures live, and every start of a program that is linked to it has to load them.
+struct PcapLibrary {
+  decltype(&::pcap_open_offline_with_tstamp_precision) open_offline;
+  decltype(&::pcap_fopen_offline_with_tstamp_precision) fopen_offline;
+  decltype(&::pcap_datalink) datalink;
+  decltype(&::pcap_datalink_val_to_description_or_dlt) datalink_description;
+  decltype(&::pcap_next_ex) next_ex;
+  decltype(&::pcap_file) file;
+  decltype(&::pcap_geterr) error;
+  decltype(&::pcap_close) close;
+
+  // Loads the library at the first call. Throws std::runtime_error if it is missing. Any thread may call it.
+  static const PcapLibrary& get();
+};
+
+}  // namespace imud
