@@ -4,6 +4,8 @@
 #include <cstdint>
 #include <optional>
 
+#include "core/clock/oscillator.hpp"
+#include "core/clock/stamp_error.hpp"
 #include "core/earth/earth.hpp"
 #include "core/environment/barometer.hpp"
 #include "core/environment/temperature.hpp"
@@ -54,6 +56,9 @@ struct ImuModel {
   // Each sample is of the truth that long before its instant, which its stamp has; not negative. Before the first
   // truth of a run the motion is the first truth's.
   Nanoseconds sampling_delay{0};
+  // The owner of the clock acts by these: Imu::sample() is given instants and stamps.
+  OscillatorModel oscillator;
+  StampErrorModel stamp_error;
   VibrationModel vibration;
   double temperature_c = 25.0;  // of the sensor, unless the temperature model has another
   TemperatureModel temperature;

@@ -36,6 +36,9 @@ struct Navigation {
 
 // One output of the sensor.
 struct Sample {
+  // The time that a product reports with the sample.
+  DeviceTime stamp() const noexcept { return time + Nanoseconds{stamp_error_ns}; }
+
   DeviceTime time;                           // the device's own time at the end of the step
   std::uint64_t counter = 0;                 // 0 for the first sample after start, one more with each
   Vector3 rate = Vector3::Zero();            // rad/s, at `time`
@@ -51,6 +54,7 @@ struct Sample {
   Vector3 magnetic_field = Vector3::Zero();  // T; 0 where the place is unknown
   double pressure = 0;                       // Pa; 0 if unknown
   std::uint32_t status = 0;                  // bits of namespace status
+  std::int32_t stamp_error_ns = 0;           // by which stamp() is off, ns
 };
 
 // Sums of the increments of several samples, for products that send fewer samples than they take.

@@ -93,6 +93,9 @@ class Grid {
   constexpr Nanoseconds phase() const { return phase_; }
   // Returns the mean time between two instants, rounded to the nearest ns.
   constexpr Nanoseconds period() const { return steps(1, clock_rate_); }
+  // Return that time, s, and the same as the clock counts it.
+  constexpr double period_s() const { return 1e9 * nominal_period_s() / static_cast<double>(clock_rate_); }
+  constexpr double nominal_period_s() const { return 1e6 / static_cast<double>(rate_uhz_); }
 
  private:
   __extension__ using Wide = unsigned __int128;

@@ -33,7 +33,7 @@ TOP_LEVEL = {"CMakeLists.txt", "CMakePresets.json", "LICENSE", "README.md", "cor
 FLOORS = {
     "core": ["vector.hpp units.hpp time.hpp gps_time.hpp frame.hpp uart.hpp", "numbers/",
              "attitude.* truth.* sample.hpp timeline.*",
-             "earth/", "environment/ effects/ pose/", ""],
+             "earth/", "environment/ effects/ pose/", "clock/", ""],
     "protocols": ["protocol.* truth_format.* settings.* native_truth.hpp sync_datagram.hpp", "wire/", "quantities/",
                   "measurements/", "frames/layout/", "frames/text/ frames/host/", "signals/ frames/", ""],
     "transports": ["port.hpp port_spec.* endpoint.* host_clock.hpp file_descriptor.hpp byte_writer.*",

@@ -41,7 +41,9 @@ enum class Process : std::uint32_t {
   flicker_within_step = 14,
   quantization_noise = 15,
   popcorn_noise = 16,  // a uniform deviate for each change of an axis
-  flicker = 32,        // of its first octave; the other octaves have the next 31 numbers
+  clock_wander = 17,   // x: end of the frequency's random walk in a period, y: within it, z: white noise
+  stamp_jitter = 18,
+  flicker = 32,  // of its first octave; the other octaves have the next 31 numbers
 };
 
 // Returns the number of the octave-th process of a cascade, 0 to 31, that begins with `first`.

@@ -92,8 +92,11 @@ WebConfig read_web(TableReader table);
 // Reads the `model` of a magnetometer or a barometer, a preset that `has` one; nullopt if there is none.
 std::optional<PresetErrors> read_field_model(TableReader& table, bool (*has)(const PresetErrors&), double rate_hz);
 
-// Reads sampling jitter and delay of an imu, whose grid must be set (environment_config.cpp).
-void read_jitter(TableReader& table, ImuConfig& imu);
+// Reads jitter and delay of an imu's sampling and errors of its stamps. Its grid must be set
+// (environment_config.cpp).
+void read_instants(TableReader& table, ImuConfig& imu);
+// Reads [imu.clock].
+OscillatorModel read_oscillator(TableReader table);
 
 // Reads the [[imu]] of that index (imu_config.cpp).
 ImuConfig read_imu(TableReader& table, std::size_t index);

@@ -117,7 +117,7 @@ VibrationModel read_vibration(TableReader table) {
   return model;
 }
 
-void read_jitter(TableReader& table, ImuConfig& imu) {
+void read_instants(TableReader& table, ImuConfig& imu) {
   constexpr double largest = 0.9;  // of the period, so that samples stay in order with any clock error
   const double jitter_us = table.real("sampling_jitter_us", 0, 0, 1e9);
   const double most_us = largest * 1e6 * seconds(imu.grid.period());
@@ -125,6 +125,26 @@ void read_jitter(TableReader& table, ImuConfig& imu) {
   imu.model.sampling_delay = nanoseconds(1e-6 * table.real("sampling_delay_us", 0, 0, 1e5));
   if (jitter_us > most_us)
     table.fault("sampling_jitter_us", fmt::format("give at most {:.6g}, nine tenths of the sample period", most_us));
+  constexpr double largest_stamp = 0.05;  // of the period: stamps stay in order, as the largest deviates are 8.3
+  const double most_stamp_us = std::min(1e5, largest_stamp * 1e6 / imu.rate_hz);
+  StampErrorModel& stamp = imu.model.stamp_error;
+  stamp.offset_s = 1e-6 * table.real("stamp_offset_us", 0, -1e6, 1e6);
+  stamp.jitter_s = 1e-6 * table.real("stamp_jitter_us", 0, 0, 1e5);
+  if (stamp.jitter_s > 1e-6 * most_stamp_us)
+    table.fault("stamp_jitter_us",
+                fmt::format("give at most {:.6g}, a twentieth of the sample period", most_stamp_us));
+}
+
+OscillatorModel read_oscillator(TableReader table) {
+  constexpr double ppm = 1e-6, ns = 1e-9, rt_hr = 60;
+  OscillatorModel model;
+  model.phase_random_walk = ns * table.real("phase_random_walk_ns_per_rt_s", 0, 0, 1e5);
+  model.frequency_random_walk = ppm / rt_hr * table.real("frequency_random_walk_ppm_per_rt_hr", 0, 0, 1e4);
+  model.temperature_linear = ppm * table.real("temperature_ppm_per_c", 0, -1000, 1000);
+  model.temperature_quadratic = ppm * table.real("temperature_ppm_per_c2", 0, -1000, 1000);
+  model.reference_c = table.real("reference_temperature_c", model.reference_c, -273.15, 1e4);
+  table.finish();
+  return model;
 }
 
 TemperatureModel read_temperature(TableReader table) {

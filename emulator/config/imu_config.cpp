@@ -337,7 +337,7 @@ ImuConfig read_imu(TableReader& table, std::size_t index) {
   const double error_ppm = table.real("clock_error_ppm", 0.0, -Grid::max_clock_error_ppm, Grid::max_clock_error_ppm);
   const double phase_us = table.real("phase_us", 0.0, 0.0, 1e9);
   imu.grid = Grid(imu.rate_hz, error_ppm, nanoseconds(1e-6 * phase_us));
-  read_jitter(table, imu);
+  read_instants(table, imu);
 
   imu.before_first =
       table.choice<BeforeFirst>("before_first", {{BeforeFirst::silence, "silence"}, {BeforeFirst::rest, "rest"}},
@@ -378,6 +378,7 @@ ImuConfig read_imu(TableReader& table, std::size_t index) {
   imu.model.temperature_c = table.real("temperature_c", imu.model.temperature_c, -273.15, 1e4);
   read_mounting(table.child("mounting"), imu.model);
   imu.model.temperature = read_temperature(table.child("temperature"));
+  imu.model.oscillator = read_oscillator(table.child("clock"));
   imu.model.vibration = read_vibration(table.child("vibration"));
   read_errors(table, product, imu);
   read_barometer(table.child("barometer"), imu.model.barometer);

@@ -260,9 +260,9 @@ void Loop::prepare() noexcept {
   const TruthTime time = at_rest ? TruthTime{} : pacer_.use(due_);
   do {
     const Schedule::Slot slot = schedule_.next();
-    schedule_.advance();
     engine_.apply(at_rest ? Step::rest_sample(slot.imu, slot.index, slot.offset)
                           : Step::sample(slot.imu, slot.index, time));
+    schedule_.advance(engine_.channels()[slot.imu]->sensor.clock().take_shift());
   } while (next_due() == due_);
 }
 

@@ -16,8 +16,9 @@ Schedule::Schedule(std::span<const Grid> grids) : grids_(grids.begin(), grids.en
   heap_.reserve(grids.size());
 }
 
-void Schedule::advance() noexcept {
+void Schedule::advance(Nanoseconds shift) noexcept {
   Slot slot = heap_.front();
+  origins_[slot.imu] += shift;
   Grid::Walk& walk = walks_[slot.imu];
   walk.advance();
   slot.index = walk.k();

@@ -26,10 +26,12 @@ class Schedule {
   bool empty() const noexcept { return heap_.empty(); }
   // Returns the earliest slot that advance() has not passed.
   const Slot& next() const noexcept { return heap_.front(); }
-  // Advances to the slot after next().
-  void advance() noexcept;
+  // Advances to the slot after next(). The later instants of next()'s imu come later by `shift`, which leaves them in
+  // order.
+  void advance(Nanoseconds shift = Nanoseconds{0}) noexcept;
 
-  // Starts the imu's grid, or starts it again, so that its instants are `origin` + Grid::offset(k).
+  // Starts the imu's grid, or starts it again, so that its instants are `origin` + Grid::offset(k), as far as
+  // advance() does not shift them.
   void start(std::size_t imu, Nanoseconds origin) noexcept;
   // Changes the imu's grid. If it is started, its next instant stays, and is instant 0 of the new grid.
   void change(std::size_t imu, const Grid& grid) noexcept;

@@ -31,7 +31,7 @@ void Channel::execute(const Command& command, const FaultBook& book, HostTime no
       if (faults) faults->schedule().end_all();
       break;
     case Command::Kind::seed:
-      sensor.imu().set_seed(command.number);
+      sensor.set_seed(command.number);
       break;
     case Command::Kind::gyro_bias:
       set_bias(Quantity::rate, axis, command.value);

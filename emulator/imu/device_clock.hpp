@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cstdint>
 #include <optional>
+#include <utility>
 
 #include "core/time.hpp"
 
@@ -48,6 +49,14 @@ class DeviceClock {
     grid_ = grid;
     walk_ = Grid::Walk(grid, 0, true);
   }
+  // The instants after the last sample come later by `by`, because the frequency is not constant. Called once for a
+  // sample. The rate of the clock until the next sample stays.
+  void shift(Nanoseconds by) noexcept {
+    shift_ = by;
+    if (origin_) origin_ = *origin_ + by;
+  }
+  // Returns `by` of the last shift(); 0 if it was called since.
+  Nanoseconds take_shift() noexcept { return std::exchange(shift_, Nanoseconds{0}); }
   // Starts the samples: the next one is at instant 0.
   void start_samples() noexcept { has_samples_ = true; }
 
@@ -93,6 +102,7 @@ class DeviceClock {
   Grid grid_;
   mutable Grid::Walk walk_;  // of the nominal instants, at the one that was asked for last
   DeviceTime zero_;
+  Nanoseconds shift_{0};
   std::optional<HostTime> origin_;  // nullopt while the clock stands
   bool has_samples_ = false;        // start_samples() was called since set()
   // On another cache line than the walk, because an EncodingThread may use them.

@@ -43,6 +43,7 @@ struct Reload {
     std::size_t channel = 0;  // its number
     ImuModel model;
     Imu imu;
+    Oscillator oscillator;
     std::optional<Grid> grid;  // nullopt: it stays
     // With other settings, and as delivered; nullptr: they stay.
     std::unique_ptr<Device> device, delivered_device;

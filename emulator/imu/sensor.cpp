@@ -1,6 +1,8 @@
 #include "emulator/imu/sensor.hpp"
 
+#include <algorithm>
 #include <chrono>
+#include <cstdint>
 #include <new>
 #include <type_traits>
 #include <utility>
@@ -15,6 +17,10 @@ Sensor::Sensor(const ImuConfig& config, std::uint64_t seed, ChannelFaults* fault
     : grid_(config.grid),
       imu_(config.model, seed, stream_id(config.name)),
       clock_(config.grid),
+      normals_(seed, stream_id(config.name)),
+      oscillator_(config.model.oscillator, config.model.temperature, config.model.temperature_c, grid_),
+      stamp_error_(config.model.stamp_error),
+      has_clock_errors_(oscillator_.is_on() || stamp_error_.is_on()),
       device_filters_(config.device_filters),
       filters_{config.model.gyro.filter, config.model.accelerometer.filter, config.model.magnetometer.filter},
       faults_(faults) {
@@ -48,6 +54,8 @@ void Sensor::sense(const Timeline& timeline, TruthTime time, std::uint64_t k) no
   is_resting_ = false;
   ::new (&sample_) Sample(imu_.sample(timeline, time, clock_.stamp(k)));  // in place: a copy is dear
   ahead_ = imu_.advanced_to() - timeline.newest();
+  if (has_clock_errors_) [[unlikely]]
+    take_clock_errors(oscillator_.follows_truth() ? timeline.temperature_c(time) : std::nullopt);
   if (std::exchange(has_leapt_, false)) sample_.status |= status::truth_extrapolated;
   if (faults_ != nullptr) faults_->take(sample_, time - run_begin_, utc_ns_of(sample_.time));
 }
@@ -56,8 +64,24 @@ void Sensor::sense_at_rest(Nanoseconds since_power_on, std::uint64_t k) noexcept
   is_resting_ = true;
   ahead_ = Nanoseconds{0};
   sample_ = imu_.sample_at_rest(since_power_on, clock_.stamp(k));
+  if (has_clock_errors_) take_clock_errors(std::nullopt);
   if (faults_ != nullptr && faults_->acts_at_rest())
     faults_->take_at_rest(sample_, since_power_on, utc_ns_of(sample_.time));
+}
+
+// The instants of an imu and of its twin without errors follow from the same numbers: neither faults nor the other
+// errors of the sensor enter.
+[[gnu::noinline]] void Sensor::take_clock_errors(std::optional<double> truth_c) noexcept {
+  if (oscillator_.is_on()) clock_.shift(oscillator_.next(normals_, sample_.counter, truth_c));
+  if (!stamp_error_.is_on()) return;
+  // A clock that has power counts from 0.
+  const std::int64_t least = sample_.time.ns < 0 ? INT32_MIN : std::max<std::int64_t>(INT32_MIN, -sample_.time.ns);
+  sample_.stamp_error_ns = std::max(stamp_error_.at(normals_, sample_.counter), static_cast<std::int32_t>(least));
+}
+
+void Sensor::set_seed(std::uint64_t seed) noexcept {
+  imu_.set_seed(seed);
+  normals_.set_seed(seed);
 }
 
 void Sensor::set_filters(const std::optional<SensorFilters>& filters) noexcept {
@@ -72,9 +96,14 @@ void Sensor::exchange(Reload::Sensor& next) noexcept {
   if (device_filters_) next.imu.set_filters(filters_);
   next.imu.continue_from(imu_);
   std::swap(imu_, next.imu);
-  if (!next.grid) return;
-  grid_ = *next.grid;
-  clock_.change(grid_);
+  if (next.grid) {
+    grid_ = *next.grid;
+    clock_.change(grid_);
+  }
+  next.oscillator.continue_from(oscillator_);
+  std::swap(oscillator_, next.oscillator);
+  stamp_error_ = StampError(next.model.stamp_error);
+  has_clock_errors_ = oscillator_.is_on() || stamp_error_.is_on();
 }
 
 }  // namespace imud

@@ -48,6 +48,8 @@ class Sensor {
   void advance(const Timeline& timeline, TruthTime until) noexcept {
     if (has_sampled_) imu_.advance(timeline, until);
   }
+  // Replaces the seed, as Imu::set_seed() does.
+  void set_seed(std::uint64_t seed) noexcept;
   // The next sample has the turn-on errors of another start.
   void restart() noexcept { imu_.power_on(++power_ons_); }
   // Filters as the device's settings have them. Without effect unless the product has such settings.
@@ -56,12 +58,17 @@ class Sensor {
   void exchange(Reload::Sensor& next) noexcept;
 
  private:
+  void take_clock_errors(std::optional<double> truth_c) noexcept;
   // Returns the UTC, ns since 1970, of a time of the clock; nullopt if the host's clock does not pace it.
   std::optional<std::int64_t> utc_ns_of(DeviceTime time) const noexcept;
 
   Grid grid_;
   Imu imu_;
   DeviceClock clock_;
+  Normals normals_;  // of the errors of the clock
+  Oscillator oscillator_;
+  StampError stamp_error_;
+  bool has_clock_errors_;      // one of the two is on
   const bool device_filters_;  // the device's settings have the filters
   SensorFilters filters_;      // if device_filters_
   ChannelFaults* const faults_;

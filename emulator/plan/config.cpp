@@ -48,6 +48,7 @@ ImuConfig ideal(const ImuConfig& imu) {
   model.magnetometer = ideal(model.magnetometer);
   model.accelerometer_positions.setZero();
   model.sampling_jitter = model.sampling_delay = Nanoseconds{0};
+  model.stamp_error = StampErrorModel{};
   model.current_field.setZero();
   model.barometer = BarometerErrors{};
   model.navigation = NavigationErrors{};

@@ -52,7 +52,9 @@ SeedArrays::SeedArrays(const Config& config, const std::string& path) {
     added.config = imu;
     added.measured = std::make_unique<ArrayFile>(file, measurement_columns(false));
     added.truth = std::make_unique<ArrayFile>(truth, truth_columns());
-    added.is_faulty = is_faulty_truth;
+    const OscillatorModel& clock = imu.model.oscillator;
+    added.wanders = added.varies = clock.phase_random_walk > 0 || clock.frequency_random_walk > 0;
+    added.is_faulty = is_faulty_truth || added.wanders;
     for (const FaultConfig& fault : config.faults) {
       if (!fault.acts_on(imu.name)) continue;
       added.is_faulty = true;
@@ -98,7 +100,7 @@ void SeedArrays::begin(const Config& config, const Seeds& seeds, const Run& run)
 }
 
 // Determines the number of rows of imus whose measurements depend on the seed: as in a run without faults, or as with
-// the first seed if greater, and some more if faults add measurements.
+// the first seed if greater, and some more if faults or the clock add measurements.
 void SeedArrays::make_room(const Config& config, const Seeds& seeds, const Run& run) {
   if (std::none_of(imus_.begin(), imus_.end(), [](const Imu& imu) { return imu.varies; })) return;
   Config first = config;
@@ -110,7 +112,7 @@ void SeedArrays::make_room(const Config& config, const Seeds& seeds, const Run& 
     if (seeds.count == 1) continue;
     imus_[i].rows = std::max(without, counts[i]);
     constexpr std::uint64_t part = 16;
-    if (std::any_of(config.faults.begin(), config.faults.end(), [&](const FaultConfig& fault) {
+    if (imus_[i].wanders || std::any_of(config.faults.begin(), config.faults.end(), [&](const FaultConfig& fault) {
           return fault.acts_on(imus_[i].config.name) && adds_rows(fault);
         }))
       imus_[i].rows += part + imus_[i].rows / part;
@@ -144,10 +146,12 @@ std::string SeedArrays::keep() noexcept {
   return imus_.front().measured->incomplete_path();
 }
 
-SeedArrays::Rows::Rows(const SeedArrays& arrays, std::size_t imu, std::uint64_t seed_index, std::vector<MadeRow> made)
+SeedArrays::Rows::Rows(const SeedArrays& arrays, std::size_t imu, std::uint64_t seed_index, std::vector<MadeRow> made,
+                       std::vector<TrueRow> samples)
     : arrays_(arrays),
       imu_(imu),
-      truths_(arrays.imus_[imu].samples, std::move(made)),
+      samples_(std::move(samples)),
+      truths_(arrays.imus_[imu].wanders ? samples_ : arrays.imus_[imu].samples, std::move(made)),
       begin_(seed_index * arrays.imus_[imu].rows) {
   held_.reserve(hold_at_most * row_size(false));
 }

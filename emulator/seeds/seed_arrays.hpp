@@ -16,11 +16,11 @@
 namespace imud {
 
 // For each imu a file of (seeds, measurements), and one of the truth at the measurements: the motion without any
-// fault. If faults can change which measurements of an imu arrive, or when, the truth has the shape of the
-// measurements, and rows behind the last one of a seed have no value. Rows of seeds that have not run have none
-// either. True increments are sums since the measurement before, and NaN in the first one if samples that are not
-// sent precede it. Where a run has extrapolated or held motion, its truth is the later truth for the same instant;
-// NaN if none came.
+// fault. If faults can change which measurements of an imu arrive, or when, or its clock wanders at random, the truth
+// has the shape of the measurements, and rows behind the last one of a seed have no value. Rows of seeds that have
+// not run have none either. True increments are sums since the measurement before, and NaN in the first one if
+// samples that are not sent precede it. Where a run has extrapolated or held motion, its truth is the later truth for
+// the same instant; NaN if none came.
 class SeedArrays {
  public:
   // The values of a row that is not known.
@@ -51,11 +51,15 @@ class SeedArrays {
 
   // Returns true if the truth of an imu depends on the seed.
   bool varies(std::size_t imu) const noexcept { return imus_[imu].varies; }
+  // Returns true if its instants do, because its clock wanders at random.
+  bool wanders(std::size_t imu) const noexcept { return imus_[imu].wanders; }
   // Collects the measurements of one run and one imu. Called after the fork.
   class Rows {
    public:
-    // `made`: the rows that the imu makes; used if the truth varies().
-    Rows(const SeedArrays& arrays, std::size_t imu, std::uint64_t seed_index, std::vector<MadeRow> made = {});
+    // `made`: the rows that the imu makes; used if the truth varies(). `samples`: the truth at the samples of this
+    // seed, if the imu wanders().
+    Rows(const SeedArrays& arrays, std::size_t imu, std::uint64_t seed_index, std::vector<MadeRow> made = {},
+         std::vector<TrueRow> samples = {});
     std::unique_ptr<Port> port();
     // Writes the last rows. Returns the shortfall, or a text of length 0. Throws std::runtime_error if the file
     // cannot be written.
@@ -65,6 +69,7 @@ class SeedArrays {
     void flush() noexcept;
     const SeedArrays& arrays_;
     const std::size_t imu_;
+    const std::vector<TrueRow> samples_;
     RowTruths truths_;
     std::uint64_t begin_, rows_ = 0, taken_ = 0;
     std::vector<std::byte> held_;  // rows
@@ -77,6 +82,7 @@ class SeedArrays {
     std::unique_ptr<ArrayFile> measured, truth;
     std::uint64_t rows = 0;
     bool varies = false;           // its truth with the seed
+    bool wanders = false;          // its instants with the seed
     bool is_faulty = false;        // it may lack measurements
     std::vector<TrueRow> samples;  // the truth at each sample, if it varies
   };

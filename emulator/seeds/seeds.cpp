@@ -132,6 +132,14 @@ class Runs {
       varies = varies || (arrays_->varies(i) && (parts_ == 1 || i == part));
     return varies ? made_rows(config, run_for_arrays()) : std::vector<std::vector<MadeRow>>();
   }
+  // Returns the truth at the samples of each imu of the runs if the instants of one vary with the seed; otherwise
+  // nothing. `of_seed`: the number of the imus of a seed.
+  std::vector<RunTruth::OfImu> truths_by(const Config& config, std::size_t part, std::size_t of_seed) const {
+    const auto wanders = [&](std::size_t i) { return arrays_ && arrays_->wanders(part + i % of_seed); };
+    bool any = false;
+    for (std::size_t i = 0; i < of_seed; ++i) any = any || wanders(i);
+    return any ? truth_of_run(config, run_for_arrays(), wanders).imus : std::vector<RunTruth::OfImu>();
+  }
   std::string end(Batch& batch, std::size_t run, Engine& engine, const std::string& difference,
                   std::size_t part) const;
   std::vector<FaultLabel> labels(const Batch& batch, std::size_t run, Engine& engine, std::size_t part) const;
@@ -197,11 +205,13 @@ std::string Runs::work(std::size_t item) const {
     imu.seed = seeds.first + i / imus.size();
   }
   auto made = made_by(all, part);
+  auto truths = truths_by(all, part, imus.size());
   for (std::uint64_t i = 0; i < seeds.size() * imus.size(); ++i) {
     ImuConfig& imu = all.imus[i];
     if (arrays_) {
       batch.rows.emplace_back(*arrays_, part + i % imus.size(), *imu.seed - seeds_.first,
-                              made.empty() ? std::vector<MadeRow>() : std::move(made[i]));
+                              made.empty() ? std::vector<MadeRow>() : std::move(made[i]),
+                              truths.empty() ? std::vector<TrueRow>() : std::move(truths[i].samples));
       imu.also.clear();
     } else {
       const std::string seed = fmt::format("{:0{}}", *imu.seed, width_);

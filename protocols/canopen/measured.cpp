@@ -43,13 +43,13 @@ std::uint64_t time_of_day(const Reading& reading) noexcept {
   if (!reading.time_of_day) return 0;
   constexpr std::int64_t ms_per_day = 86'400'000;
   const std::int64_t ms = reading.time_of_day->ms_since_1984 +
-                          rounded_division((reading.sample.time - reading.time_of_day->at).count(), 1'000'000);
+                          rounded_division((reading.sample.stamp() - reading.time_of_day->at).count(), 1'000'000);
   if (ms < 0) return 0;
   return static_cast<std::uint64_t>(ms % ms_per_day) | static_cast<std::uint64_t>(ms / ms_per_day & 0xFFFF) << 32;
 }
 
 std::uint64_t time(unsigned sub, const Reading& reading) noexcept {
-  const std::int64_t ns = reading.sample.time.ns;
+  const std::int64_t ns = reading.sample.stamp().ns;
   switch (sub) {
     case 1:
       return static_cast<std::uint64_t>(rounded_division(ns, 100'000));

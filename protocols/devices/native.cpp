@@ -63,7 +63,7 @@ class NativeDevice final : public Device {
     Wire wire;
     std::memcpy(wire.start, start, sizeof start);
     wire.counter = static_cast<std::uint32_t>(sample.counter);
-    wire.time_ns = sample.time.ns;
+    wire.time_ns = sample.stamp().ns;
     put_vector(sample.rate, wire.rate);
     put_vector(sample.specific_force, wire.specific_force);
     put_vector(sample.delta_angle, wire.delta_angle);

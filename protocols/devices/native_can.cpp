@@ -149,7 +149,7 @@ class NativeCanDevice final : public Device {
     const auto counter = static_cast<std::uint8_t>(sample.counter);
     HeadWire head;
     head.counter = counter;
-    head.time_us = static_cast<std::uint32_t>(microseconds(sample.time));
+    head.time_us = static_cast<std::uint32_t>(microseconds(sample.stamp()));
     head.temperature = wire_temperature(sample.temperature_c);
     head.status = static_cast<std::uint8_t>(sample.status);
     push(head, head_frame, out);
@@ -166,7 +166,7 @@ class NativeCanDevice final : public Device {
 
   void sample_fd(const Sample& sample, FrameBuffer& out) const noexcept {
     FdWire wire;
-    wire.time_ns = sample.time.ns;
+    wire.time_ns = sample.stamp().ns;
     wire.counter = static_cast<std::uint32_t>(sample.counter);
     wire.temperature = wire_temperature(sample.temperature_c);
     wire.status = static_cast<std::uint16_t>(sample.status);

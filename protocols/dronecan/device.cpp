@@ -174,9 +174,10 @@ class DroneCanDevice final : public Device {
   }
 
   void send_measurement(const DataType& type, const Sample& sample, FrameBuffer& out) noexcept {
+    const Nanoseconds since = sample.stamp() - node_.power_on;
     const std::uint64_t time = is_device_time_
-                                   ? static_cast<std::uint64_t>(microseconds(sample.time - node_.power_on))
-                                   : bus_time_.at(sample.time);
+                                   ? static_cast<std::uint64_t>(microseconds(std::max(since, Nanoseconds{0})))
+                                   : bus_time_.at(sample.stamp());
     const auto priority = static_cast<unsigned>(node_.memory.active[priority_key]);
     switch (type.id) {
       case raw_imu.id:

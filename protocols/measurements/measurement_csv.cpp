@@ -87,7 +87,7 @@ std::size_t write_measurement_csv(const Measurement& measurement, std::span<char
   const Sample& sample = measurement.sample;
   const auto carried = [&](Measurement::Field field) { return (measurement.fields & field) != 0; };
   RowWriter writer(row, digits);
-  writer.field(carried(Measurement::time), sample.time.ns);
+  writer.field(carried(Measurement::time), sample.stamp().ns);
   writer.field(carried(Measurement::counter), sample.counter);
   for (const auto& [field, vector] : vectors)
     for (const double component : sample.*vector) writer.field(carried(field), component);

@@ -94,10 +94,10 @@ void Fields::sent(std::uint8_t set, std::uint8_t descriptor) noexcept {
       break;
     case 0xD4:
     case 0xD8:
-      since.delta_time = sample_.time;
+      since.delta_time = stamp();
       break;
     case 0xD6:
-      since.reference = sample_.time;
+      since.reference = stamp();
       break;
     default:
       break;

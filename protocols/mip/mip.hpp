@@ -9,6 +9,7 @@
 // set: field 0xF1 {command, code} for each command, followed by its data.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <memory>
@@ -157,7 +158,7 @@ class Fields {
   std::int64_t gps_ns(DeviceTime at) const noexcept;
   // Appends a streamed field; nothing if there is no such field, or no room for it.
   void put(Packet& packet, std::uint8_t set, std::uint8_t descriptor) const noexcept {
-    put(packet, set, descriptor, since_[slot_of(set)], sample_.time);
+    put(packet, set, descriptor, since_[slot_of(set)], stamp());
   }
   // Appends a field that the host polls at `now`, or that an event sends whose trigger has this number. Its times are
   // taken at `now`; its increments and time differences span the set's last base period.
@@ -168,6 +169,8 @@ class Fields {
   void sent(std::uint8_t set, std::uint8_t descriptor) noexcept;
 
  private:
+  // The stamp of the newest sample, not before power-on or reset.
+  DeviceTime stamp() const noexcept { return restarted_ ? std::max(sample_.stamp(), *restarted_) : sample_.stamp(); }
   struct Since {  // the time of the last transmission, and the sums since
     DeviceTime delta_time, reference;
     std::uint64_t tick = 0;

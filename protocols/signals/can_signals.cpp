@@ -294,7 +294,7 @@ std::uint64_t CanSignalCodec::number_of(const Field& field, const Reading& readi
                                         unsigned& saturated) const noexcept {
   switch (field.quantity->kind) {
     case MeasuredQuantity::Kind::time: {
-      const std::int64_t ns = reading.sample.time.ns, rest = ns % field.time_lsb_ns;
+      const std::int64_t ns = reading.sample.stamp().ns, rest = ns % field.time_lsb_ns;
       const bool is_up = rest >= field.time_lsb_ns - rest, is_down = -rest > field.time_lsb_ns + rest;
       return static_cast<std::uint64_t>(ns / field.time_lsb_ns + (is_up ? 1 : is_down ? -1 : 0));
     }

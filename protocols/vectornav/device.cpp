@@ -174,7 +174,8 @@ class VectorNavDevice final : public Device {
     return model_.receivers == 0 ? PulseSource::none : active_.pulse_source;
   }
   Reading reading(DeviceTime now) const noexcept {
-    return {model_, sample_, raw_, figures_, tare_, now - start_, now - sample_.time, pins_.status(now)};
+    const DeviceTime stamp = std::max(now + (sample_.stamp() - sample_.time), start_);
+    return {model_, sample_, raw_, figures_, tare_, stamp - start_, stamp - sample_.time, pins_.status(now)};
   }
   Form async_form() const noexcept {  // register 30, parameter 5: 1, or 3 (2 in vnproglib)
     return active_.number_of(30, 4) >= 2 ? Form::four_digits : Form::two_digits;

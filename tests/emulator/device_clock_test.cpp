@@ -36,6 +36,34 @@ TEST(DeviceClock, StampsNominalPeriodsAndAgreesBetweenThem) {
   }
 }
 
+// The stamps stay nominal, and the clock reads them at the shifted instants.
+TEST(DeviceClock, ReachesTheStampsAtShiftedInstants) {
+  const Grid grid(100);
+  DeviceClock clock(grid);
+  clock.power_on(power);
+  clock.start_samples();
+  HostTime shifted = power;
+  for (std::uint64_t k = 0; k < 1000; ++k) {
+    const DeviceTime stamp = clock.stamp(k);
+    EXPECT_EQ(stamp.ns, static_cast<std::int64_t>(k) * 10'000'000);
+    const HostTime at = shifted + grid.offset(k);
+    EXPECT_EQ(clock.host_time(stamp), at);
+    EXPECT_EQ(clock.now(at), stamp) << k;
+    clock.take_sample(stamp);
+    const Nanoseconds by{k % 3 == 0 ? 700 : -500};
+    clock.shift(by);
+    EXPECT_EQ(clock.take_shift(), by);
+    EXPECT_EQ(clock.take_shift(), 0ns);
+    shifted = shifted + by;
+    EXPECT_LE(std::abs((clock.now(at + 5ms) - stamp - 5ms).count()), 700) << k;
+  }
+  DeviceClock standing(grid);
+  standing.set(DeviceTime{}, std::nullopt);
+  standing.start_samples();
+  standing.shift(1ms);
+  EXPECT_EQ(standing.stamp(1).ns, 10'000'000);
+}
+
 TEST(DeviceClock, StandsBetweenSamplesWithoutAHostClock) {
   DeviceClock clock(Grid(200));
   EXPECT_EQ(clock.set(DeviceTime{7'000'000'000}, std::nullopt), 7s) << "power is taken to come on at sample 0";

@@ -11,6 +11,29 @@ namespace {
 
 using namespace std::chrono_literals;
 
+// An instant that shifts takes the later ones of its imu with it, and no other imu's.
+TEST(Schedule, ShiftsTheLaterInstantsOfAnImu) {
+  const std::vector<Grid> grids = {Grid(1000), Grid(1000)};
+  Schedule schedule(grids);
+  for (std::size_t imu : {0U, 1U}) schedule.start(imu, 0ns);
+  std::vector<std::pair<std::size_t, std::int64_t>> taken;
+  for (int i = 0; i < 8; ++i) {
+    const Schedule::Slot slot = schedule.next();
+    taken.emplace_back(slot.imu, slot.offset.count());
+    schedule.advance(slot.imu == 0 ? Nanoseconds{slot.index == 1 ? -3 : 10} : 0ns);
+  }
+  const std::vector<std::pair<std::size_t, std::int64_t>> wanted = {
+      {0, 0}, {1, 0}, {1, 1'000'000}, {0, 1'000'010}, {1, 2'000'000}, {0, 2'000'007}, {1, 3'000'000}, {0, 3'000'017}};
+  EXPECT_EQ(taken, wanted);
+  schedule.change(0, Grid(500));
+  EXPECT_EQ(schedule.next().imu, 1U);
+  schedule.advance();
+  EXPECT_EQ(schedule.next().offset, 4'000'027ns);
+  schedule.start(0, 5ms);
+  schedule.advance();
+  EXPECT_EQ(schedule.next().offset, 5ms);
+}
+
 TEST(Schedule, MergesEveryGridInOrder) {
   const std::vector<Grid> grids = {Grid(1000), Grid(1000, 200),         Grid(409.6, -35, 300us),
                                    Grid(1),    Grid(4000, 0, 62'500ns), Grid(1000)};

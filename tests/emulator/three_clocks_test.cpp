@@ -46,15 +46,15 @@ class ThreeClocks : public RealtimeTest, public ::testing::WithParamInterface<co
   }
 
   // Six seconds of truth, with a restart in between if `restarts`.
-  std::string record(ClockMode clock, bool capture, bool restarts) {
+  std::string record(ClockMode clock, bool capture, bool restarts, const std::string& errors = "") {
     const Protocol& protocol = *GetParam();
     const bool can = protocol.link == Link::can;
     Config config = load_config(write(
         "config.toml",
         fmt::format("clock = \"realtime\"\nseed = 5\n[truth]\nport = \"udp:127.0.0.1:9810\"\ndelay_ms = 30\n[[imu]]\n"
                     "protocol = \"{}\"\nport = \"{}\"\nclock_error_ppm = 300\nphase_us = 137\n"
-                    "before_first = \"silence\"\ngyro.max_rad_per_s = 100\naccelerometer.max_m_per_s2 = 1000\n{}",
-                    protocol.name, can ? "can:vcan0" : "pty:imu", protocol.product ? "" : "rate_hz = 400\n") +
+                    "before_first = \"silence\"\ngyro.max_rad_per_s = 100\naccelerometer.max_m_per_s2 = 1000\n{}{}",
+                    protocol.name, can ? "can:vcan0" : "pty:imu", protocol.product ? "" : "rate_hz = 400\n", errors) +
             (protocol.name == "stim300"    ? "device.start_up = false\n"
              : protocol.name == "canopen"  ? "device.self_start = true\n"
              : protocol.name == "nos3-imu" ? "device.with_requests = true\n"
@@ -102,6 +102,26 @@ TEST_P(ThreeClocks, GiveTheSameBytes) {
       GetParam()->link == Link::can && GetParam()->make(Settings(GetParam()->settings))->deadline();
   EXPECT_TRUE(has_timers || fast.starts_with(live))
       << std::mismatch(live.begin(), live.end(), fast.begin()).first - live.begin();
+}
+
+// A free-running clock in a chamber, with its wander, and stamps that are off.
+constexpr const char* clock_errors =
+    "clock.frequency_random_walk_ppm_per_rt_hr = 3000\nclock.phase_random_walk_ns_per_rt_s = 5000\n"
+    "clock.temperature_ppm_per_c2 = -0.04\ntemperature.profile_s = [0, 6]\ntemperature.profile_c = [-40, 85]\n"
+    "stamp_offset_us = 20\nstamp_jitter_us = 5\n";
+
+TEST_P(ThreeClocks, GiveTheSameBytesOfAWanderingClock) {
+  const std::string fast = record(ClockMode::fast, true, false, clock_errors);
+  EXPECT_TRUE(record(ClockMode::lockstep, false, false, clock_errors) == fast);
+  EXPECT_TRUE(record(ClockMode::realtime, true, false, clock_errors) == fast);
+  const std::string live = record(ClockMode::realtime, false, false, clock_errors);
+  const bool has_timers =
+      GetParam()->link == Link::can && GetParam()->make(Settings(GetParam()->settings))->deadline();
+  EXPECT_TRUE(has_timers || fast.starts_with(live))
+      << std::mismatch(live.begin(), live.end(), fast.begin()).first - live.begin();
+  EXPECT_FALSE(fast == record(ClockMode::fast, true, false));
+  const std::string again = record(ClockMode::fast, true, true, clock_errors);
+  EXPECT_TRUE(record(ClockMode::lockstep, false, true, clock_errors) == again);
 }
 
 // In the clocks that truth paces, a second run sets the sensor's clock to its first truth.

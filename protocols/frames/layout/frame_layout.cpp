@@ -91,8 +91,8 @@ std::uint64_t FrameLayout::number_of(const Field& field, const Reading& reading,
     case MeasuredQuantity::Kind::status:
       return counted(reading.sample.status);
     case MeasuredQuantity::Kind::time:
-      if (field.time_lsb_ns != 0) return rounded_time(field, reading.sample.time.ns);
-      si = 1e-9 * static_cast<double>(reading.sample.time.ns);
+      if (field.time_lsb_ns != 0) return rounded_time(field, reading.sample.stamp().ns);
+      si = 1e-9 * static_cast<double>(reading.sample.stamp().ns);
       break;
     case MeasuredQuantity::Kind::number:
       si = given != nullptr ? given->number(*field.quantity) : field.quantity->get(reading);

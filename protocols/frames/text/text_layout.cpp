@@ -49,7 +49,7 @@ double number_of(const TextPiece& piece, const Reading& reading, const MessageLa
   if (source.kind == Source::status) return is_set(source.bits, reading, state) != source.is_inverse ? 1 : 0;
   const MeasuredIn& in = source.in;
   const double si = in.quantity->kind == MeasuredQuantity::Kind::time
-                        ? 1e-9 * static_cast<double>(reading.sample.time.ns)
+                        ? 1e-9 * static_cast<double>(reading.sample.stamp().ns)
                     : given != nullptr ? given->number(*in.quantity)
                                        : in.quantity->get(reading);
   if (piece.format.value() == TextFormat::Value::seconds) return si;

@@ -289,5 +289,34 @@ TEST_F(EnvironmentConfig, SamplingJitterIsBelowThePeriod) {
                  {{"sampling_jitter_us=-1"}, "imu.0.sampling_jitter_us: -1 is out of range"}});
 }
 
+TEST_F(EnvironmentConfig, ClockHasAWanderAndStampsHaveErrors) {
+  const std::vector<std::string> given = {"stamp_offset_us=-30",
+                                          "stamp_jitter_us=5",
+                                          "clock.phase_random_walk_ns_per_rt_s=4",
+                                          "clock.frequency_random_walk_ppm_per_rt_hr=0.6",
+                                          "clock.temperature_ppm_per_c=0.2",
+                                          "clock.temperature_ppm_per_c2=-0.035",
+                                          "clock.reference_temperature_c=28"};
+  for (const ImuModel& m : {model(given), reloaded(given)}) {
+    EXPECT_NEAR(m.stamp_error.offset_s, -30e-6, 1e-18);
+    EXPECT_NEAR(m.stamp_error.jitter_s, 5e-6, 1e-18);
+    EXPECT_NEAR(m.oscillator.phase_random_walk, 4e-9, 1e-21);
+    EXPECT_NEAR(m.oscillator.frequency_random_walk, 1e-8, 1e-20);
+    EXPECT_NEAR(m.oscillator.temperature_linear, 0.2e-6, 1e-18);
+    EXPECT_NEAR(m.oscillator.temperature_quadratic, -0.035e-6, 1e-18);
+    EXPECT_EQ(m.oscillator.reference_c, 28);
+  }
+  expect_faults(
+      {{{"stamp_jitter_us=251"}, "imu.0.stamp_jitter_us: give at most 250, a twentieth of the sample period"},
+       {{"stamp_offset_us=2e6"}, "imu.0.stamp_offset_us: 2000000 is out of range"},
+       {{"clock.wander=1"}, "imu.0.clock.wander: unknown key"},
+       {{"clock.frequency_random_walk_ppm_per_rt_hr=-1"}, "-1 is out of range"}});
+  // The same instants without the errors of the sensors, and true stamps.
+  const ImuConfig truth = without_errors(config(given).imus.at(0));
+  EXPECT_EQ(truth.model.oscillator.reference_c, 28);
+  EXPECT_EQ(truth.model.stamp_error.offset_s, 0);
+  EXPECT_EQ(truth.model.stamp_error.jitter_s, 0);
+}
+
 }  // namespace
 }  // namespace imud

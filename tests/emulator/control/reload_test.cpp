@@ -104,6 +104,19 @@ TEST_F(ReloadTest, ErrorsOfAnImuChangeAtTheSampleThatItAnswers) {
   EXPECT_TRUE(contains(log_, "reload: ") && contains(log_, "imu1 from sample 21")) << log_;
 }
 
+// 5 % faster from the period after sample 21: 40 of its periods lie in 39 ms.
+TEST_F(ReloadTest, ClockAndStampsChange) {
+  const auto changed = play(text(), {{2, [&](ControlClient& client) {
+                                        const json answer =
+                                            reload(client, text("stamp_offset_us = 250\ntemperature_c = 75\n"
+                                                                "clock.temperature_ppm_per_c = 1000\n"));
+                                        EXPECT_EQ(answer["result"]["applied"], applied_at(21)) << answer;
+                                      }}});
+  for (const auto& row : rows_of(changed.first, 0))
+    EXPECT_EQ(std::stoll(row[0]), std::stoi(row[1]) * 1'000'000LL + (std::stoi(row[1]) < 21 ? 0 : 250'000));
+  EXPECT_EQ(rows_of(changed.first, 0).size(), 62U);
+}
+
 TEST_F(ReloadTest, IsRefusedWholeWithEachKeyThatCannotChange) {
   const auto plain = play(text(), {});
   const auto refused =

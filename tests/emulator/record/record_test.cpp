@@ -58,7 +58,13 @@ extrapolate_ms = 30
 )";
   std::string imus;
   const std::array<std::pair<double, std::string>, 4> all = {
-      {{1000, "model = \"stim300\"\n"}, {333.3, "before_first = \"rest\"\n"}, {7, ""}, {200, "phase_us = 1700\n"}}};
+      {{1000, "model = \"stim300\"\n"},
+       {333.3,
+        "before_first = \"rest\"\nclock.frequency_random_walk_ppm_per_rt_hr = 1000\nclock.temperature_ppm_per_c = "
+        "0.3\n"
+        "temperature.warm_up_c = 30\ntemperature.warm_up_s = 5\nstamp_jitter_us = 5\n"},
+       {7, ""},
+       {200, "phase_us = 1700\nclock.phase_random_walk_ns_per_rt_s = 3000\n"}}};
   for (std::size_t i = 0; i < all.size(); ++i)
     imus += fmt::format("[[imu]]\nname = \"i{}\"\nport = \"file:{}\"\nprotocol = \"native\"\nrate_hz = {}\n{}{}", i,
                         i, all[i].first,
