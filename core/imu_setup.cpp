@@ -92,7 +92,9 @@ void Imu::power_on(std::uint64_t number) noexcept {
 void Imu::draw_constants() noexcept {
   const auto draw = [this](Triad& triad, const TriadErrors& errors, Quantity quantity) {
     if (errors.unit_sigma.is_on() || errors.turn_on_sigma.is_on())
-      triad.set_constants(drawn_errors(errors, quantity, unit_normals_, power_on_normals_, power_ons_), quantity);
+      triad.set_constants(
+          in_vibration(drawn_errors(errors, quantity, unit_normals_, power_on_normals_, power_ons_), vibration_),
+          quantity);
   };
   draw(gyro_, model_.gyro, Quantity::rate);
   draw(accelerometer_, model_.accelerometer, Quantity::specific_force);

@@ -72,7 +72,7 @@ inline constexpr bool is_constant =
     []<class... Constant>(std::tuple<Constant...>*) {
       return (std::is_same_v<Effect, Constant> || ...);
     }(static_cast<std::tuple<Misalignment, ScaleFactor, Nonlinearity, TemperatureScale, Bias, TemperatureBias,
-                             AccelerationSensitivity>*>(nullptr));
+                             AccelerationSensitivity, CrossSensitivity>*>(nullptr));
 
 // The three sensors. Does not allocate, lock or throw; not thread-safe.
 class Triad {
@@ -122,10 +122,14 @@ class Triad {
     };
     each(go_on);
   }
-  // Replaces the constant errors of the inputs, and of the bias by temperature, from the next sample on.
+  // Replaces the constant errors of the inputs, of the bias by temperature, and of the vibration, from the next
+  // sample on. Effects with a state have set_constants().
   void set_constants(const TriadErrors& errors, Quantity quantity) noexcept {
     each([&]<class Effect>(Effect& effect) {
-      if constexpr (is_constant<Effect>) effect = Effect(errors, quantity, 0);
+      if constexpr (is_constant<Effect>)
+        effect = Effect(errors, quantity, 0);
+      else if constexpr (requires { effect.set_constants(errors); })
+        effect.set_constants(errors);
     });
     note_what_is_on();
   }

@@ -14,6 +14,10 @@ enum class Draw : std::uint64_t {
   g_sensitivity = 8,       // of each column
   temperature_scale = 11,  // of each degree
   temperature_bias = 14,   // of each degree
+  temperature_rate_bias = 17,
+  temperature_hysteresis = 18,
+  cross_sensitivity = 19,        // of each column
+  vibration_rectification = 22,  // of each column
 };
 constexpr std::uint64_t draws_of_a_power_on = 32;
 
@@ -42,7 +46,11 @@ struct Draws {
             .misalignment = of(Draw::misalignment, sigma.misalignment),
             .g_sensitivity = of(Draw::g_sensitivity, sigma.g_sensitivity),
             .temperature_scale = of(Draw::temperature_scale, sigma.temperature_scale),
-            .temperature_bias = of(Draw::temperature_bias, sigma.temperature_bias)};
+            .temperature_bias = of(Draw::temperature_bias, sigma.temperature_bias),
+            .temperature_rate_bias = of(Draw::temperature_rate_bias, sigma.temperature_rate_bias),
+            .temperature_hysteresis = of(Draw::temperature_hysteresis, sigma.temperature_hysteresis),
+            .cross_sensitivity = of(Draw::cross_sensitivity, sigma.cross_sensitivity),
+            .vibration_rectification = of(Draw::vibration_rectification, sigma.vibration_rectification)};
   }
 };
 
@@ -56,6 +64,10 @@ void add(const ConstantErrors& drawn, TriadErrors& errors) noexcept {
   errors.g_sensitivity += drawn.g_sensitivity;
   errors.temperature_scale += drawn.temperature_scale;
   errors.temperature_bias += drawn.temperature_bias;
+  errors.temperature_rate_bias += drawn.temperature_rate_bias;
+  errors.temperature_hysteresis += drawn.temperature_hysteresis;
+  errors.cross_sensitivity += drawn.cross_sensitivity;
+  errors.vibration_rectification += drawn.vibration_rectification;
 }
 
 }  // namespace

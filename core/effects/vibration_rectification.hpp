@@ -19,10 +19,15 @@ class VibrationRectification {
  public:
   static constexpr std::string_view name = "vibration rectification";
   VibrationRectification(const TriadErrors& errors, Quantity, double period_s)
-      : sensitivity_(errors.vibration_rectification),
-        shift_(errors.vibration_rectification * errors.vibration_mean_square),
-        response_(errors.vibration_average > 0 ? 1 - elementary::exp(-period_s / errors.vibration_average) : 0),
-        on_(response_ > 0 ? !sensitivity_.isZero(0.0) : !shift_.isZero(0.0)) {}
+      : response_(errors.vibration_average > 0 ? 1 - elementary::exp(-period_s / errors.vibration_average) : 0) {
+    set_constants(errors);
+  }
+  // Replaces the sensitivity; the estimate goes on.
+  void set_constants(const TriadErrors& errors) noexcept {
+    sensitivity_ = errors.vibration_rectification;
+    shift_ = sensitivity_ * errors.vibration_mean_square;
+    on_ = response_ > 0 ? !sensitivity_.isZero(0.0) : !shift_.isZero(0.0);
+  }
   bool is_on() const noexcept { return on_; }
   void apply(TriadStep& step) noexcept {
     if (response_ > 0)
@@ -50,7 +55,7 @@ class VibrationRectification {
   Matrix3 sensitivity_;
   Vector3 shift_;
   double response_;
-  bool on_;
+  bool on_ = false;
   bool has_mean_ = false;
   Vector3 mean_ = Vector3::Zero(), mean_square_ = Vector3::Zero();
 };

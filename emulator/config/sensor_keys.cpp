@@ -21,6 +21,18 @@ consteval ErrorUnit unit(std::span<const KeyUnit> units, std::string_view suffix
   return {found->suffix.substr(1), found->factor};
 }
 
+// The bias by the rate of the temperature, and by its history: terms, or standard deviations of them.
+template <class Terms>
+void read_thermal_drift(TableReader& table, const SensorKeys& keys, double least, Terms& e) {
+  constexpr double minute = 60;
+  std::vector<std::string> suffixes;
+  std::vector<ErrorUnit> units;
+  for (const ErrorUnit& unit : keys.value) suffixes.push_back(key_of(unit.suffix, "per_c_per_min"));
+  for (std::size_t i = 0; i < suffixes.size(); ++i) units.push_back({suffixes[i], minute * keys.value.begin()[i].si});
+  e.temperature_rate_bias = in_units(table, "temperature_rate_bias", units, e.temperature_rate_bias, least);
+  e.temperature_hysteresis = in_units(table, "temperature_hysteresis", keys.value, e.temperature_hysteresis, least);
+}
+
 // Reads standard deviations of one layer. The bias of a power on is a term of its own, turn_on_bias.
 void read_spread(TableReader table, const SensorKeys& keys, const AxisLimits& range, bool has_bias,
                  ConstantErrors& sigma) {
@@ -34,26 +46,25 @@ void read_spread(TableReader table, const SensorKeys& keys, const AxisLimits& ra
       mrad * table.per_axis("misalignment_mrad", sigma.misalignment.rowwise().maxCoeff() / mrad, 0, most);
   sigma.misalignment = misalignment.rowwise().replicate<3>();
   sigma.misalignment.diagonal().setZero();
+  const auto rows = [&](std::string_view key, double unit, Matrix3& term) {
+    const Vector3 of_rows = unit * table.per_axis(key, Vector3(term.rowwise().maxCoeff()) / unit, 0, huge);
+    term = of_rows.rowwise().replicate<3>();
+  };
   if (&keys == &gyro_keys) {
     constexpr double per_g = deg / hour / g;
-    const Vector3 sensitivity =
-        per_g * table.per_axis("g_sensitivity_deg_per_hr_per_g", sigma.g_sensitivity.col(0) / per_g, 0, huge);
-    sigma.g_sensitivity = sensitivity.rowwise().replicate<3>();
+    rows("g_sensitivity_deg_per_hr_per_g", per_g, sigma.g_sensitivity);
+    rows("cross_sensitivity_deg_per_hr_per_g2", per_g / g, sigma.cross_sensitivity);
+    rows("vibration_rectification_deg_per_hr_per_g2", per_g / g, sigma.vibration_rectification);
+  }
+  if (&keys == &accelerometer_keys) {
+    constexpr double ug_per_g2 = 1e-6 / g;
+    rows("cross_sensitivity_ug_per_g2", ug_per_g2, sigma.cross_sensitivity);
+    rows("vibration_rectification_ug_per_g2", ug_per_g2, sigma.vibration_rectification);
+    sigma.vibration_rectification = Matrix3(sigma.vibration_rectification.diagonal().asDiagonal());
   }
   read_temperature_terms(table, keys, is_sigma, sigma.temperature_scale, sigma.temperature_bias);
+  read_thermal_drift(table, keys, 0, sigma);
   table.finish();
-}
-
-// The bias by the rate of the temperature, and by its history.
-void read_thermal_drift(TableReader& table, const SensorKeys& keys, TriadErrors& e) {
-  constexpr double minute = 60;
-  std::vector<std::string> suffixes;
-  std::vector<ErrorUnit> units;
-  for (const ErrorUnit& unit : keys.value) suffixes.push_back(key_of(unit.suffix, "per_c_per_min"));
-  for (std::size_t i = 0; i < suffixes.size(); ++i) units.push_back({suffixes[i], minute * keys.value.begin()[i].si});
-  e.temperature_rate_bias = in_units(table, "temperature_rate_bias", units, e.temperature_rate_bias, -huge);
-  e.temperature_hysteresis = in_units(table, "temperature_hysteresis", keys.value, e.temperature_hysteresis, -huge);
-  e.temperature_hysteresis_c = table.real("temperature_hysteresis_c", e.temperature_hysteresis_c, 1e-3, 1e4);
 }
 
 void read_popcorn(TableReader& table, const SensorKeys& keys, double rate_hz, TriadErrors& e) {
@@ -173,7 +184,8 @@ void read_spreads(TableReader& table, const SensorKeys& keys, TriadErrors& error
 
 void read_rare_terms(TableReader& table, const SensorKeys& keys, double rate_hz, TriadErrors& e) {
   e.dead_zone = in_units(table, "dead_zone", keys.value, e.dead_zone);
-  read_thermal_drift(table, keys, e);
+  read_thermal_drift(table, keys, -huge, e);
+  e.temperature_hysteresis_c = table.real("temperature_hysteresis_c", e.temperature_hysteresis_c, 1e-3, 1e4);
   read_popcorn(table, keys, rate_hz, e);
   if (!std::empty(keys.quantization))
     e.quantization_noise = in_units(table, "quantization_noise", keys.quantization, e.quantization_noise);

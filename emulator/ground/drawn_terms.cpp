@@ -31,6 +31,10 @@ DrawnTerms terms_of(std::string_view sensor, std::string_view layer, const Const
   add("g_sensitivity", drawn.g_sensitivity);
   add("temperature_scale", drawn.temperature_scale);
   add("temperature_bias", drawn.temperature_bias);
+  add("temperature_rate_bias", drawn.temperature_rate_bias);
+  add("temperature_hysteresis", drawn.temperature_hysteresis);
+  add("cross_sensitivity", drawn.cross_sensitivity);
+  add("vibration_rectification", drawn.vibration_rectification);
   return all;
 }
 

@@ -48,8 +48,11 @@ std::string TriadTerms::bias_text() const {
     if (!sigma.quadratic.isZero(0.0) || !sigma.cubic.isZero(0.0)) drawn.emplace_back("nonlinearity");
     add("misalignment", sigma.misalignment.maxCoeff(), 1e-3, " mrad");
     add("sensitivity", sigma.g_sensitivity.maxCoeff(), B.si / units::standard_gravity, fmt::format(" {}/g", B.name));
-    if (!sigma.temperature_bias.isZero(0.0) || !sigma.temperature_scale.isZero(0.0))
+    if (!(sigma.temperature_bias.isZero(0.0) && sigma.temperature_scale.isZero(0.0) &&
+          sigma.temperature_rate_bias.isZero(0.0) && sigma.temperature_hysteresis.isZero(0.0)))
       drawn.emplace_back("response to temperature");
+    if (!sigma.cross_sensitivity.isZero(0.0)) drawn.emplace_back("response to products of accelerations");
+    if (!sigma.vibration_rectification.isZero(0.0)) drawn.emplace_back("response to vibration");
     if (!drawn.empty()) parts.push_back(fmt::format("drawn {}: {}", when, fmt::join(drawn, ", ")));
   };
   add_drawn("for the unit", unit_sigma);

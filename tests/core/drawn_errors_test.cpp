@@ -38,6 +38,10 @@ ConstantErrors sigmas() {
   fill(all.g_sensitivity);
   fill(all.temperature_scale);
   fill(all.temperature_bias);
+  fill(all.temperature_rate_bias);
+  fill(all.temperature_hysteresis);
+  fill(all.cross_sensitivity);
+  fill(all.vibration_rectification);
   return all;
 }
 
@@ -54,17 +58,21 @@ std::vector<double> elements(const ConstantErrors& all) {
   append(all.g_sensitivity);
   append(all.temperature_scale);
   append(all.temperature_bias);
+  append(all.temperature_rate_bias);
+  append(all.temperature_hysteresis);
+  append(all.cross_sensitivity);
+  append(all.vibration_rectification);
   const Matrix3& m = all.misalignment;
   EXPECT_EQ(m.diagonal(), Vector3::Zero());
   for (const std::size_t diagonal : {23U, 19U, 15U}) list.erase(list.begin() + static_cast<std::ptrdiff_t>(diagonal));
   return list;
 }
 
-constexpr std::size_t seeds = 4000, per_layer = 48;
+constexpr std::size_t seeds = 4000, per_layer = 72;
 using Series = std::vector<double>;  // of one element, in units of its standard deviation, by seed
 
 // The series of the elements of both layers, for two imus and two quantities and the first two power ons:
-// 48 * (2 + 2 + 2 + 1 + 1) of them.
+// 72 * (2 + 2 + 2 + 1 + 1) of them.
 const std::vector<Series>& series() {
   static const std::vector<Series> all = [] {
     TriadErrors errors;
@@ -101,7 +109,7 @@ double mean(const Series& z) {
   return sum / static_cast<double>(z.size());
 }
 
-// 384 elements and three tests of each with a false alarm of 1e-7: 1.2e-4 in all.
+// 576 elements and three tests of each with a false alarm of 1e-7: 1.7e-4 in all.
 TEST(DrawnErrors, EachElementIsNormalWithItsStandardDeviation) {
   constexpr double false_alarm = 1e-7;
   const double n = seeds, bound = boost::math::quantile(complement(boost::math::normal(), 0.5 * false_alarm));
@@ -131,8 +139,8 @@ TEST(DrawnErrors, EachElementIsNormalWithItsStandardDeviation) {
   EXPECT_GT(0.057, distance) << "the greatest distance of the uniform distribution of the same variance";
 }
 
-// Elements, axes, imus, quantities, layers and power ons, and successive seeds: 73536 pairs at one seed and 384 from
-// one seed to the next, each with a false alarm of 1e-9, 7e-5 in all.
+// Elements, axes, imus, quantities, layers and power ons, and successive seeds: 165600 pairs at one seed and 576 from
+// one seed to the next, each with a false alarm of 1e-9, 1.7e-4 in all.
 TEST(DrawnErrors, AreIndependent) {
   const double bound = boost::math::quantile(complement(boost::math::normal(), 0.5e-9)) / std::sqrt(double{seeds});
   EXPECT_LT(bound, 0.1) << "a correlation of 0.2 would be found";
@@ -147,7 +155,7 @@ TEST(DrawnErrors, AreIndependent) {
     for (std::size_t j = 0; j < i; ++j, ++pairs)
       EXPECT_LT(std::abs(correlation(series()[i], series()[j], 0)), bound) << i << " " << j;
   }
-  EXPECT_EQ(pairs, 73536U);
+  EXPECT_EQ(pairs, 165600U);
 }
 
 // A sensor that turns and is accelerated, at 35 degrees Celsius.
@@ -199,7 +207,9 @@ Vector3 measured(const TriadErrors& nominal, const ConstantErrors& unit, const C
        (unit.cubic + turn_on.cubic).cwiseProduct(square.cwiseProduct(m));
   m += ((unit.temperature_scale + turn_on.temperature_scale) * powers).cwiseProduct(m);
   return m + bias + unit.bias + (unit.temperature_bias + turn_on.temperature_bias) * powers +
-         (unit.g_sensitivity + turn_on.g_sensitivity) * force;
+         (unit.g_sensitivity + turn_on.g_sensitivity) * force +
+         (unit.cross_sensitivity + turn_on.cross_sensitivity) *
+             Vector3(force.y() * force.z(), force.z() * force.x(), force.x() * force.y());
 }
 
 TEST(DrawnErrors, AreWhatTheSensorShowsUntilTheNextPowerOn) {
@@ -241,6 +251,41 @@ TEST(DrawnErrors, AreWhatTheSensorShowsUntilTheNextPowerOn) {
   reloaded.continue_from(imu);
   bias = made.gyro.bias;
   compare(turning.next(reloaded), 2, others, "reloaded");
+}
+
+// Errors whose effects have a history: another power on draws their coefficients, and leaves the history.
+TEST(DrawnErrors, OfAHistoryAreDrawnAgainWithoutIt) {
+  ImuModel made;
+  made.rate_hz = 100;
+  made.temperature.profile_s = {0, 10};
+  made.temperature.profile_c = {20, 30};
+  made.vibration.sines = {{.frequency_hz = 100, .force = {0, 0, 2}}};  // 0 at each sample, mean square 2
+  ConstantErrors& sigma = made.gyro.unit_sigma;
+  sigma.temperature_rate_bias = {1, 2, 3};
+  sigma.temperature_hysteresis = {4, 5, 6};
+  sigma.vibration_rectification = Matrix3::Constant(7);
+  made.gyro.temperature_hysteresis_c = 1;
+  made.gyro.turn_on_sigma = sigma;
+  const Normals normals(3, stream_id("imu1"));
+  Turning turning;
+  Imu imu(made, 3, stream_id("imu1"));
+  const auto expect = [&](const Vector3& error, std::uint64_t number, double degrees_per_s, double play) {
+    const ConstantErrors unit = drawn_for_unit(made.gyro, Quantity::rate, normals);
+    const ConstantErrors turn_on = drawn_at_power_on(made.gyro, Quantity::rate, normals, number);
+    const Vector3 expected = degrees_per_s * (unit.temperature_rate_bias + turn_on.temperature_rate_bias) +
+                             play * (unit.temperature_hysteresis + turn_on.temperature_hysteresis) +
+                             2 * (unit.vibration_rectification + turn_on.vibration_rectification).col(2);
+    EXPECT_LT((error - expected).norm(), 1e-8 * expected.norm()) << number;
+  };
+  const auto next = [&] { return Vector3(turning.next(imu).rate - turning.rate); };
+  next();
+  expect(next(), 0, 1, 0.01);
+  for (int k = 2; k < 49; ++k) next();
+  expect(next(), 0, 1, 0.49);
+  // The profile begins again at 20 degrees: the play goes back by what the sensor was warmer, and no rate is known.
+  imu.power_on(1);
+  expect(next(), 1, 0, 0);
+  expect(next(), 1, 1, 0.01);
 }
 
 // The case of a unit is turned with all that is in it.

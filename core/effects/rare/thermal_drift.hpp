@@ -15,11 +15,15 @@ namespace imud {
 class ThermalDrift {
  public:
   static constexpr std::string_view name = "bias by the course of the temperature";
-  ThermalDrift(const TriadErrors& errors, Quantity, double)
-      : per_rate_(errors.temperature_rate_bias),
-        half_gap_(errors.temperature_hysteresis),
-        width_c_(errors.temperature_hysteresis_c),
-        on_(!errors.temperature_rate_bias.isZero(0.0) || !errors.temperature_hysteresis.isZero(0.0)) {}
+  ThermalDrift(const TriadErrors& errors, Quantity, double) : width_c_(errors.temperature_hysteresis_c) {
+    set_constants(errors);
+  }
+  // Replaces the coefficients; the history goes on.
+  void set_constants(const TriadErrors& errors) noexcept {
+    per_rate_ = errors.temperature_rate_bias;
+    half_gap_ = errors.temperature_hysteresis;
+    on_ = !per_rate_.isZero(0.0) || !half_gap_.isZero(0.0);
+  }
   bool is_on() const noexcept { return on_; }
   void apply(TriadStep& step) noexcept {
     const double now_c = step.surroundings.temperature_c;
@@ -40,7 +44,7 @@ class ThermalDrift {
  private:
   Vector3 per_rate_, half_gap_;
   double width_c_;
-  bool on_;
+  bool on_ = false;
   double play_ = 0, last_c_ = 0;
   bool has_last_ = false;
 };

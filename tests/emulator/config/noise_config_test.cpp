@@ -250,10 +250,15 @@ TEST_F(NoiseConfig, TermsContainTheProcessPerSample) {
 
 // Standard deviations in the units of their keys, and what a reader of the file stumbles on.
 TEST_F(NoiseConfig, StandardDeviationsAreOfTwoLayers) {
-  const ImuModel m =
-      model({"gyro.unit_sigma.bias_deg_per_hr=[1,2,3]", "gyro.unit_sigma.misalignment_mrad=[1,2,3]",
-             "gyro.unit_sigma.quadratic_ppm_of_range=100", "gyro.turn_on_sigma.scale_factor_ppm=50",
-             "accelerometer.unit_sigma.temperature_bias_mg_per_c=2", "mounting.alignment_sigma_mrad=4"});
+  const ImuModel m = model({"gyro.unit_sigma.bias_deg_per_hr=[1,2,3]", "gyro.unit_sigma.misalignment_mrad=[1,2,3]",
+                            "gyro.unit_sigma.quadratic_ppm_of_range=100", "gyro.turn_on_sigma.scale_factor_ppm=50",
+                            "accelerometer.unit_sigma.temperature_bias_mg_per_c=2", "mounting.alignment_sigma_mrad=4",
+                            "gyro.unit_sigma.temperature_rate_bias_deg_per_hr_per_c_per_min=[1,2,3]",
+                            "gyro.turn_on_sigma.temperature_hysteresis_deg_per_hr=4",
+                            "gyro.unit_sigma.cross_sensitivity_deg_per_hr_per_g2=[5,6,7]",
+                            "gyro.turn_on_sigma.vibration_rectification_deg_per_hr_per_g2=8",
+                            "accelerometer.unit_sigma.cross_sensitivity_ug_per_g2=[1,2,3]",
+                            "accelerometer.unit_sigma.vibration_rectification_ug_per_g2=[4,5,6]"});
   EXPECT_NEAR(m.gyro.unit_sigma.bias[2], 3 * 4.84813681109536e-6, 1e-18);
   Matrix3 misalignment;
   misalignment << 0, 1e-3, 1e-3, 2e-3, 0, 2e-3, 3e-3, 3e-3, 0;
@@ -263,6 +268,14 @@ TEST_F(NoiseConfig, StandardDeviationsAreOfTwoLayers) {
   EXPECT_NEAR(m.gyro.turn_on_sigma.scale_factor[1], 5e-5, 1e-18);
   EXPECT_NEAR(m.accelerometer.unit_sigma.temperature_bias(0, 0), 0.0196133, 1e-12);
   EXPECT_NEAR(m.alignment_sigma[1], 4e-3, 1e-15);
+  constexpr double deg_per_hr = 4.84813681109536e-6, g = 9.80665;
+  EXPECT_NEAR(m.gyro.unit_sigma.temperature_rate_bias[2], 60 * 3 * deg_per_hr, 1e-15);
+  EXPECT_NEAR(m.gyro.turn_on_sigma.temperature_hysteresis[0], 4 * deg_per_hr, 1e-18);
+  EXPECT_NEAR(m.gyro.unit_sigma.cross_sensitivity(1, 2), 6 * deg_per_hr / g / g, 1e-18);
+  EXPECT_NEAR(m.gyro.turn_on_sigma.vibration_rectification(2, 0), 8 * deg_per_hr / g / g, 1e-18);
+  EXPECT_NEAR(m.accelerometer.unit_sigma.cross_sensitivity(2, 0), 3e-6 / g, 1e-18);
+  EXPECT_NEAR(m.accelerometer.unit_sigma.vibration_rectification(1, 1), 5e-6 / g, 1e-18);
+  EXPECT_EQ(m.accelerometer.unit_sigma.vibration_rectification(1, 0), 0);
   EXPECT_FALSE(model({}).gyro.unit_sigma.is_on());
   for (const auto& [key, expected] :
        {std::pair{"gyro.unit_sigma.scale_factor_ppm=-1", "gyro.unit_sigma.scale_factor_ppm: give three numbers"},
