@@ -64,7 +64,8 @@ struct ImuModel {
   TemperatureModel temperature;
   EarthModel earth;
   TriadErrors magnetometer;
-  Vector3 current_field = Vector3::Zero();  // T/A, platform axes: the field of the vehicle's electric current
+  Vector3 current_field = Vector3::Zero();        // T/A, platform axes: the field of the vehicle's electric current
+  Vector3 current_field_sigma = Vector3::Zero();  // T/A, standard deviation from unit to unit, not negative
   BarometerErrors barometer;
   NavigationErrors navigation;
 };
@@ -76,6 +77,8 @@ inline double internal_period_s(const ImuModel& model) noexcept {
 
 // Returns the rotation vector by which the unit's platform differs from dcm_PB, rad.
 Vector3 drawn_alignment(const ImuModel& model, const Normals& normals) noexcept;
+// Returns by what the unit's field of a current differs from current_field, T/A.
+Vector3 drawn_current_field(const ImuModel& model, const Normals& normals) noexcept;
 
 // One sensor: samples a Timeline, or a vehicle at rest, and adds the errors. Nothing here allocates, locks, throws or
 // reads a clock. Not thread-safe.

@@ -11,7 +11,8 @@ TriadErrors in_vibration(TriadErrors errors, const Vibration& vibration) {
   return errors;
 }
 
-ImuModel drawn_mounting(ImuModel model, const Normals& normals) {
+ImuModel drawn_model(ImuModel model, const Normals& normals) {
+  model.current_field += drawn_current_field(model, normals);
   const Vector3 phi = drawn_alignment(model, normals);
   if (phi.isZero(0.0)) return model;
   model.dcm_PB = exp(phi).toRotationMatrix().transpose() * model.dcm_PB;
@@ -24,8 +25,14 @@ Vector3 drawn_alignment(const ImuModel& model, const Normals& normals) noexcept 
   return model.alignment_sigma.cwiseProduct(normals(Quantity::attitude, Process::unit_draw, 0));
 }
 
+Vector3 drawn_current_field(const ImuModel& model, const Normals& normals) noexcept {
+  if (model.current_field_sigma.isZero(0.0)) return Vector3::Zero();
+  constexpr std::uint64_t number = 25;  // after the draws of the triad (effects/drawn_errors.cpp)
+  return model.current_field_sigma.cwiseProduct(normals(Quantity::magnetic_field, Process::unit_draw, number));
+}
+
 Imu::Imu(const ImuModel& model, std::uint64_t seed, std::uint32_t stream)
-    : model_(drawn_mounting(model, Normals(seed, stream))),
+    : model_(drawn_model(model, Normals(seed, stream))),
       dcm_PB_(model_.dcm_PB),
       q_BP_(Quaternion(model_.dcm_PB.transpose()).normalized()),
       normals_(seed, stream),

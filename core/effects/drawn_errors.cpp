@@ -18,6 +18,7 @@ enum class Draw : std::uint64_t {
   temperature_hysteresis = 18,
   cross_sensitivity = 19,        // of each column
   vibration_rectification = 22,  // of each column
+  // 25 of the magnetic field is drawn_current_field()
 };
 constexpr std::uint64_t draws_of_a_power_on = 32;
 

@@ -29,6 +29,7 @@ struct BarometerErrors {
   // which flow along the body's x axis does not have; z points down. Without wind both come from the velocity.
   //   p <- p + q (c + c_alpha alpha + c_beta beta^2)
   double port = 0, port_per_attack = 0, port_per_sideslip2 = 0;
+  double port_sigma = 0;  // standard deviation of c from unit to unit, not negative
 
   static constexpr double huge_pressure = 1e12;
   bool has_port_error() const noexcept { return port != 0 || port_per_attack != 0 || port_per_sideslip2 != 0; }
@@ -72,9 +73,21 @@ class Barometer {
         drift_(Vector3(errors.drift, 0, 0), Vector3::Constant(errors.drift_correlation_s), period_s,
                Quantity::pressure) {}
 
-  // Draws the unit's bias.
+  // The errors that differ from unit to unit: Pa, and of `port`.
+  struct Drawn {
+    double bias = 0, port = 0;
+  };
+  static Drawn drawn(const BarometerErrors& errors, const Normals& of_unit) noexcept {
+    const auto draw = [&](double sigma, std::uint64_t number) {
+      return sigma > 0 ? sigma * of_unit(Quantity::pressure, Process::unit_draw, number).x() : 0;
+    };
+    return {draw(errors.bias_sigma, 0), draw(errors.port_sigma, 1)};
+  }
+  // Adds what is drawn for the unit; to be called once.
   void draw(const Normals& of_unit) noexcept {
-    if (errors_.bias_sigma > 0) drawn_ = errors_.bias_sigma * of_unit(Quantity::pressure, Process::unit_draw, 0).x();
+    const Drawn drawn_for_unit = drawn(errors_, of_unit);
+    drawn_ = drawn_for_unit.bias;
+    errors_.port += drawn_for_unit.port;
   }
   const BarometerErrors& errors() const noexcept { return errors_; }
   // Returns the measured pressure of sample k, Pa, of the one at the port, at this temperature, degrees Celsius. The

@@ -75,8 +75,11 @@ TriadErrors read_gyro(TableReader table, const TriadErrors* product, double rate
                       Sidedness density = Sidedness::none);
 TriadErrors read_accelerometer(TableReader table, const TriadErrors* product, double rate_hz,
                                Sidedness density = Sidedness::none);
-// `current_field` gets the field of an electric current, T/A.
-TriadErrors read_magnetometer(TableReader table, const TriadErrors* product, double rate_hz, Vector3& current_field);
+// The field of an electric current, T/A, and its standard deviation from unit to unit.
+struct CurrentField {
+  Vector3 field, sigma;
+};
+TriadErrors read_magnetometer(TableReader table, const TriadErrors* product, double rate_hz, CurrentField& current);
 
 // Read a barometer's errors, over the product's errors, and a navigation solution's errors (navigation_config.cpp).
 void read_barometer(TableReader table, BarometerErrors& errors);

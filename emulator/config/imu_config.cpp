@@ -266,8 +266,10 @@ void read_errors(TableReader& table, const std::optional<Product>& product, ImuC
   imu.model.gyro = read_gyro(table.child("gyro"), gyro ? &*gyro : nullptr, internal_hz, gyro_density);
   imu.model.accelerometer = read_accelerometer(
       table.child("accelerometer"), accelerometer ? &*accelerometer : nullptr, internal_hz, accelerometer_density);
-  imu.model.magnetometer =
-      read_magnetometer(table.child("magnetometer"), &magnetometer, imu.rate_hz, imu.model.current_field);
+  CurrentField current;
+  imu.model.magnetometer = read_magnetometer(table.child("magnetometer"), &magnetometer, imu.rate_hz, current);
+  imu.model.current_field = current.field;
+  imu.model.current_field_sigma = current.sigma;
   if (!filters) return;
   set_device_filter(table.child("gyro"), filters->gyro, imu.model.gyro);
   set_device_filter(table.child("accelerometer"), filters->accelerometer, imu.model.accelerometer);

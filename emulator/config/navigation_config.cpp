@@ -26,6 +26,7 @@ void read_barometer(TableReader table, BarometerErrors& errors) {
   errors.port = table.real("port_error", errors.port, -10, 10);
   errors.port_per_attack = table.real("port_error_per_rad_attack", errors.port_per_attack, -100, 100);
   errors.port_per_sideslip2 = table.real("port_error_per_rad2_sideslip", errors.port_per_sideslip2, -100, 100);
+  errors.port_sigma = table.real("port_error_sigma", errors.port_sigma, 0, 10);
   table.finish();
 }
 

@@ -132,7 +132,7 @@ PresetErrors preset_errors(const Preset& preset, double rate_hz) {
     errors.accelerometer_density = sidedness_of(file["imu"]["accelerometer"].as_table());
   }
   if (has_magnetometer) {
-    Vector3 no_current;
+    CurrentField no_current;
     errors.magnetometer = read_magnetometer(imu.child("magnetometer"), nullptr, rate_hz, no_current);
     errors.magnetometer_density = sidedness_of(file["imu"]["magnetometer"].as_table());
   }

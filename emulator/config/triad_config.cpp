@@ -267,7 +267,7 @@ TriadErrors read_accelerometer(TableReader table, const TriadErrors* product, do
   return e;
 }
 
-TriadErrors read_magnetometer(TableReader table, const TriadErrors* product, double rate_hz, Vector3& current_field) {
+TriadErrors read_magnetometer(TableReader table, const TriadErrors* product, double rate_hz, CurrentField& current) {
   const std::optional<PresetErrors> named = read_field_model(
       table, [](const PresetErrors& errors) { return errors.magnetometer.has_value(); }, rate_hz);
   TriadErrors e = read_triad(table, magnetometer_keys, named ? &*named->magnetometer : product, rate_hz,
@@ -278,7 +278,8 @@ TriadErrors read_magnetometer(TableReader table, const TriadErrors* product, dou
   for (const ErrorUnit& unit : magnetometer_keys.value) suffixes.push_back(key_of(unit.suffix, "per_a"));
   for (std::size_t i = 0; i < suffixes.size(); ++i)
     units.push_back({suffixes[i], magnetometer_keys.value.begin()[i].si});
-  current_field = in_units(table, "current_field", units, Vector3::Zero(), -huge);
+  current.field = in_units(table, "current_field", units, Vector3::Zero(), -huge);
+  current.sigma = in_units(table, "current_field_sigma", units, Vector3::Zero());
   table.finish();
   return e;
 }

@@ -51,15 +51,23 @@ std::vector<DrawnTerms> drawn_terms(const ImuModel& model, std::uint64_t seed, s
   std::vector<DrawnTerms> all;
   if (const Vector3 phi = drawn_alignment(model, normals); !phi.isZero(0.0))
     append(all, {"mounting", "unit", {{"rotation", numbers(phi)}}});
-  const auto add = [&](std::string_view sensor, const TriadErrors& errors, Quantity quantity) {
-    append(all, terms_of(sensor, "unit", drawn_for_unit(errors, quantity, normals)));
+  const auto add = [&](std::string_view sensor, const TriadErrors& errors, Quantity quantity,
+                       const Vector3& current_field = Vector3::Zero()) {
+    DrawnTerms unit = terms_of(sensor, "unit", drawn_for_unit(errors, quantity, normals));
+    if (!current_field.isZero(0.0)) unit.terms.emplace_back("current_field", numbers(current_field));
+    append(all, std::move(unit));
     ConstantErrors turn_on = drawn_at_power_on(errors, quantity, normals, 0);
     turn_on.bias = errors.turn_on_bias.cwiseProduct(normals(quantity, Process::turn_on_bias, 0));
     append(all, terms_of(sensor, "turn_on", turn_on));
   };
   add("gyro", model.gyro, Quantity::rate);
   add("accelerometer", model.accelerometer, Quantity::specific_force);
-  add("magnetometer", model.magnetometer, Quantity::magnetic_field);
+  add("magnetometer", model.magnetometer, Quantity::magnetic_field, drawn_current_field(model, normals));
+  DrawnTerms barometer = {"barometer", "unit", {}};
+  const Barometer::Drawn drawn = Barometer::drawn(model.barometer, normals);
+  if (drawn.bias != 0) barometer.terms.emplace_back("bias", std::vector{drawn.bias});
+  if (drawn.port != 0) barometer.terms.emplace_back("port", std::vector{drawn.port});
+  append(all, std::move(barometer));
   return all;
 }
 

@@ -11,12 +11,12 @@
 
 namespace imud {
 
-// One layer of one triad, or of the mounting.
+// One layer of one triad, the mounting or the barometer.
 struct DrawnTerms {
-  std::string_view sensor;  // "gyro", "accelerometer", "magnetometer" or "mounting"
+  std::string_view sensor;  // "gyro", "accelerometer", "magnetometer", "mounting" or "barometer"
   std::string_view layer;   // "unit" or "turn_on"
-  // In SI, by the names of TriadErrors' members: three numbers, or the nine of a matrix, row by row. Of a mounting
-  // the rotation vector, rad.
+  // In SI, by the names of the members of TriadErrors, ImuModel and BarometerErrors: a number, three numbers, or the
+  // nine of a matrix, row by row. Of a mounting the rotation vector, rad.
   std::vector<std::pair<std::string_view, std::vector<double>>> terms;
 
   // Returns "bias=1e-05,-2e-06,3e-06 scale_factor=0.0001,0,0".

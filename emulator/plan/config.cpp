@@ -50,6 +50,7 @@ ImuConfig ideal(const ImuConfig& imu) {
   model.sampling_jitter = model.sampling_delay = Nanoseconds{0};
   model.stamp_error = StampErrorModel{};
   model.current_field.setZero();
+  model.current_field_sigma.setZero();
   model.barometer = BarometerErrors{};
   model.navigation = NavigationErrors{};
   return same;

@@ -164,6 +164,8 @@ TEST_F(EnvironmentConfig, ErrorsThatHardlyAnySensorHasHaveKeys) {
                                           "accelerometer.low_pass_hz=50",
                                           "accelerometer.low_pass_damping=0.7",
                                           "magnetometer.current_field_nt_per_a=[1,2,3]",
+                                          "magnetometer.current_field_sigma_ut_per_a=[4,5,6]",
+                                          "barometer.port_error_sigma=0.25",
                                           "sampling_delay_us=1500",
                                           "temperature.cool_down_s=900"};
   for (const ImuModel& m : {model(given), reloaded(given)}) {
@@ -182,6 +184,8 @@ TEST_F(EnvironmentConfig, ErrorsThatHardlyAnySensorHasHaveKeys) {
     EXPECT_EQ(*m.gyro.fir_taps, std::vector<double>({0.25, 0.5, 0.25}));
     EXPECT_EQ(m.accelerometer.filter.damping, 0.7);
     EXPECT_NEAR(m.current_field.z(), 3e-9, 1e-24);
+    EXPECT_NEAR(m.current_field_sigma.y(), 5e-6, 1e-21);
+    EXPECT_EQ(m.barometer.port_sigma, 0.25);
     EXPECT_EQ(m.sampling_delay.count(), 1'500'000);
     EXPECT_EQ(m.temperature.cool_down_s, 900);
   }

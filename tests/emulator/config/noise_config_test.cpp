@@ -1,4 +1,5 @@
 // The keys of the error terms: each unit of a data sheet, impossible values, and what `imud check` says of them.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -12,6 +13,7 @@
 
 #include "core/allan_terms.hpp"
 #include "emulator/config/load_config.hpp"
+#include "emulator/ground/drawn_terms.hpp"
 #include "emulator/ground/error_text.hpp"
 #include "emulator/plan/config.hpp"
 #include "tests/transports/scratch_folder.hpp"
@@ -231,11 +233,14 @@ TEST_F(NoiseConfig, ConstantErrorsAreToldToo) {
   EXPECT_EQ(terms[1].bias_text(), "turn-on bias 20 mg");
   const ImuModel drawn = model(
       {"gyro.unit_sigma={bias_deg_per_hr=[1,2,3],scale_factor_ppm=500,misalignment_mrad=1,cubic_ppm_of_range=5}",
-       "gyro.turn_on_sigma={scale_factor_ppm=20,g_sensitivity_deg_per_hr_per_g=7,temperature_scale_ppm_per_c=1}"});
+       "gyro.turn_on_sigma={scale_factor_ppm=20,g_sensitivity_deg_per_hr_per_g=7,temperature_scale_ppm_per_c=1,cross_"
+       "sensitivity_deg_per_hr_per_g2=1,"
+       "vibration_rectification_deg_per_hr_per_g2=1}"});
   EXPECT_EQ(
       triad_terms(drawn)[0].bias_text(),
       "drawn for the unit: bias 3 deg/h, scale factor 500 ppm, nonlinearity, misalignment 1 mrad, drawn at power "
-      "on: scale factor 20 ppm, sensitivity 7 deg/h/g, response to temperature");
+      "on: scale factor 20 ppm, sensitivity 7 deg/h/g, response to temperature, response to products of "
+      "accelerations, response to vibration");
 }
 
 // White noise and random walks of the memo's keys are told, too: P per sample at 200 Hz.
@@ -284,6 +289,25 @@ TEST_F(NoiseConfig, StandardDeviationsAreOfTwoLayers) {
         {"gyro.unit_sigma=1", "gyro.unit_sigma: "},
         {"mounting.alignment_sigma_mrad=101", "mounting.alignment_sigma_mrad: give three numbers"}})
     EXPECT_NE(fault({key}).find(expected), std::string::npos) << fault({key});
+}
+
+// Each term whose standard deviation is not 0, by the name under which summary and labels have it.
+TEST_F(NoiseConfig, WhatIsDrawnHasItsName) {
+  const ImuModel m =
+      model({"gyro.unit_sigma={temperature_rate_bias_deg_per_hr_per_c_per_min=1,temperature_hysteresis_deg_per_hr=1}",
+             "gyro.turn_on_sigma={cross_sensitivity_deg_per_hr_per_g2=1,vibration_rectification_deg_per_hr_per_g2=1}",
+             "magnetometer.unit_sigma.bias_ut=1", "magnetometer.current_field_sigma_ut_per_a=[0,1,0]",
+             "barometer.bias_sigma_pa=2", "barometer.port_error_sigma=3"});
+  std::string names;
+  for (const DrawnTerms& drawn : drawn_terms(m, 1, "imu1")) {
+    names += fmt::format("{} {}:", drawn.sensor, drawn.layer);
+    for (const auto& [name, values] : drawn.terms) names += fmt::format(" {} {}", name, values.size());
+    names += "\n";
+  }
+  EXPECT_EQ(names,
+            "gyro unit: temperature_rate_bias 3 temperature_hysteresis 3\n"
+            "gyro turn_on: cross_sensitivity 9 vibration_rectification 9\n"
+            "magnetometer unit: bias 3 current_field 3\nbarometer unit: bias 1 port 1\n");
 }
 
 // A drift leaves a product's white noise alone.
