@@ -15,6 +15,7 @@
 #include "protocols/measurements/measurement_csv.hpp"
 #include "protocols/protocol.hpp"
 #include "tools/arrays/measurement_files.hpp"
+#include "tools/find/find_check.hpp"
 #include "tools/input/measurement_input.hpp"
 #include "tools/number_check.hpp"
 #include "tools/program.hpp"
@@ -140,8 +141,19 @@ int execute(int argc, char** argv, bool& running) {
       "imu-decode");
   app.set_version_flag("--version", "imu-decode " IMUD_VERSION);
   Options options;
-  add(app, "PROTOCOL", options.input.protocol, "", "protocol of the device, see below")->required();
+  FindOptions find;
+  add(app, "PROTOCOL", options.input.protocol, "", "protocol of the device, see below");
   add_input_options(app, options.input);
+  add_find_options(app, find);
+  // CLI11 knows no choice between positional arguments and an option.
+  app.get_option("PORT")->required(false);
+  app.parse_complete_callback([&] {
+    if (!find.capture.empty() && !options.input.protocol.empty())
+      throw CLI::ExcludesError("--find-check", "PROTOCOL");
+    if (!find.capture.empty()) return;
+    if (options.input.protocol.empty()) throw CLI::RequiredError("PROTOCOL");
+    if (options.input.port.empty()) throw CLI::RequiredError("PORT");
+  });
   add(app, "--require", options.limits, "LIMIT",
       "exits with 3 if a figure of the report breaks this limit, such as gaps=0 or jitter_p99_us<500;\n"
       "several with commas; may be repeated")
@@ -155,11 +167,13 @@ int execute(int argc, char** argv, bool& running) {
   app.footer(fmt::format(
       "\n{}\n{}\nExit codes: 0 done, 1 failed while running or no sample decoded, 2 the command line is wrong or "
       "the port cannot be opened, 3 a limit of --require is broken.\n"
-      "Example: imu-decode native pty:imu1 --for 60 > imu1.csv",
+      "Example: imu-decode native pty:imu1 --for 60 > imu1.csv\n"
+      "         imu-decode --find-check capture.bin --rate-hz 100 > mine.toml",
       known_protocols(), known_ports()));
   if (const auto exit_code = parse(app, argc, argv)) return *exit_code;
 
   catch_stop_signals();
+  if (!find.capture.empty()) return find_check(find, options.input.for_s, options.files.rate_hz.value_or(0), running);
   options.input.resolve_port();
   return decode(options, running);
 }

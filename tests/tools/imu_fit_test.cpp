@@ -24,16 +24,16 @@
 namespace imud {
 namespace {
 
-constexpr double deg = units::degree, g = units::standard_gravity, ppm = 1e-6;
+constexpr double degree = units::degree, g = units::standard_gravity, ppm = 1e-6;
 
 // Each axis up and down at rest, and turning both ways about the axis that is up; at two temperatures.
 std::vector<Dwell> all_dwells(double seconds, bool has_temperatures) {
-  const Vector3 earth = 15.041 * deg / 3600 * Vector3(0.3, -0.5, 0.8);
+  const Vector3 earth = 15.041 * degree / 3600 * Vector3(0.3, -0.5, 0.8);
   std::vector<Dwell> dwells;
   for (const double temperature : {15.0, 35.0})
     for (int axis = 0; axis < 3; ++axis)
       for (const double up : {1.0, -1.0})
-        for (const double rate : {0.0, 100 * deg, -100 * deg}) {
+        for (const double rate : {0.0, 100 * degree, -100 * degree}) {
           Dwell& dwell = dwells.emplace_back();
           dwell.begin_s = (static_cast<double>(dwells.size()) - 1) * (seconds + 2);
           dwell.end_s = dwell.begin_s + seconds;
@@ -107,10 +107,10 @@ TriadErrors spread(double bias, double bias_by_temperature, double g_sensitivity
 class Units {
  public:
   Units() {
-    models_[0] = spread(100 * deg / 3600, 1 * deg / 3600, 7 * deg / 3600 / g);
+    models_[0] = spread(100 * degree / 3600, 1 * degree / 3600, 7 * degree / 3600 / g);
     models_[1] = spread(2e-3 * g, 1e-5 * g, 0);
-    models_[0].white_density = Vector3::Constant(0.15 * deg / 60);
-    models_[0].bias_instability = Vector3::Constant(3 * deg / 3600);
+    models_[0].white_density = Vector3::Constant(0.15 * degree / 60);
+    models_[0].bias_instability = Vector3::Constant(3 * degree / 3600);
     models_[1].white_density = Vector3::Constant(1e-3);
     models_[1].bias_instability = Vector3::Constant(5e-5 * g);
     for (std::size_t sensor = 0; sensor < 2; ++sensor) noise_[sensor] = allan_terms(models_[sensor], rate_hz);
@@ -266,10 +266,10 @@ TEST(ImuFit, AUnitBecomesAModel) {
   for (int axis = 0; axis < 3; ++axis)
     for (const double up : {1.0, -1.0})
       for (const double rate : {0.0, 90.0, -90.0}) {
-        const Vector3 omega = rate * deg * Vector3::Unit(axis), force = up * g * Vector3::Unit(axis);
+        const Vector3 omega = rate * degree * Vector3::Unit(axis), force = up * g * Vector3::Unit(axis);
         const std::int64_t begin = ms;
         for (; ms < begin + 10'000; ms += 100) {
-          const double angle = rate * deg * 1e-3 * static_cast<double>(ms - begin);
+          const double angle = rate * degree * 1e-3 * static_cast<double>(ms - begin);
           const Vector3 sigma = std::tan(std::remainder(angle, 2 * M_PI) / 4) * Vector3::Unit(axis);
           truth << fmt::format("{},{},{},{},{},{},{},{},{},{}\n", ms * 1'000'000, sigma.x(), sigma.y(), sigma.z(),
                                omega.x(), omega.y(), omega.z(), force.x(), force.y(), force.z());

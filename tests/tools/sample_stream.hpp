@@ -36,7 +36,7 @@ inline std::string text_of(std::span<const std::byte> bytes) {
 inline std::vector<std::string> frames_of(std::string_view protocol, std::span<const Sample> samples) {
   std::vector<std::string> frames;
   for (const StoredFrame& frame : Line(protocol_named(protocol)).encode_all(samples))
-    frames.push_back(text_of(frame.bytes));
+    frames.push_back(text_of(std::span<const std::byte>(frame.bytes)));
   return frames;
 }
 

@@ -55,7 +55,7 @@ void MeasurementFiles::add_options(CLI::App& app, Options& options) {
   add(app, "--config", options.config, "FILE",
       fmt::format("imud's configuration, which becomes an attribute of {}", list_options(keeps_attributes)));
   add(app, "--rate-hz", options.rate_hz, "HZ",
-      fmt::format("sample rate of measurements without time, for {}", list_options(needs_time)))
+      fmt::format("sample rate of measurements without time, for {} and --find-check", list_options(needs_time)))
       ->check(number_check(1e-6, 1e9));
   add(app, "--truth", options.truth, "RECORD | CONFIG CAPTURE",
       "adds the truth at each sample, without errors: what `imud replay CONFIG CAPTURE` sends is decoded,\n"

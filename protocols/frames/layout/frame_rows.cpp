@@ -152,6 +152,12 @@ void FrameLayout::Compiler::test(const FrameDescription::Test& test) {
   std::vector<std::byte> got(out_.size());
   std::vector<double> carried(out_.carries_);
   const unsigned saturated = out_.write({given.sample}, given.state, &given, carried, got);
+  // A real unit's bytes that the layout leaves open may have any value; checks include them.
+  for (const Placed& placed : placed_)
+    if (placed.element.kind == Kind::unused)
+      std::copy_n(wanted->begin() + static_cast<std::ptrdiff_t>(placed.offset), placed.element.count,
+                  got.begin() + static_cast<std::ptrdiff_t>(placed.offset));
+  out_.write_checks(got);
   if (got != *wanted)
     fault(line, "test_frame", difference(got, *wanted));
   else if (saturated > 0)

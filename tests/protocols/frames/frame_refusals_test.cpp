@@ -168,5 +168,17 @@ TEST(FrameRefusals, NoTextIsHarmful) {
   EXPECT_GT(accepted, 100U);  // changes of comments, names and test frames' blanks
 }
 
+// A captured frame has bytes that the layout leaves open: they may have any value, and the check is of them.
+TEST(FrameRefusals, ATestFrameMayHaveAnythingInUnusedBytes) {
+  const auto faults = [](const std::string& frame) {
+    return faults_of(one_message("@a\nAA\n_:2\nalive_counter:u8\ncheck:sum8:@a..",
+                                 "test_frame = \"" + frame + "\"\ntest_values = {alive_counter = 3}\n"));
+  };
+  EXPECT_EQ(faults("AA 12 34 03 F3"), "");
+  EXPECT_EQ(faults("AA 00 00 03 AD"), "");
+  EXPECT_TRUE(contains(faults("AA 12 34 03 F4"), "differs at byte 4, in check sum8")) << faults("AA 12 34 03 F4");
+  EXPECT_TRUE(contains(faults("AA 12 34 04 F4"), "differs at byte 3")) << faults("AA 12 34 04 F4");
+}
+
 }  // namespace
 }  // namespace imud

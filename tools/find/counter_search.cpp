@@ -1,0 +1,248 @@
+// The numbers of a frame that follow from its place in the stream, or from its length.
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <tuple>
+
+#include "protocols/frames/layout/frame_layout.hpp"
+#include "tools/find/frame_finder.hpp"
+
+namespace imud {
+namespace {
+
+using Stream = std::span<const std::byte>;
+
+constexpr double steady_share = 0.85;
+constexpr std::size_t most_compared = 4000;  // frames
+
+// A number that may count.
+struct Number {
+  std::size_t at, size;
+  bool is_big, is_float;
+};
+
+// Pairs of frames of which one follows the other in the stream, without a gap.
+using Pairs = std::vector<std::pair<Stream, Stream>>;
+
+// Frames of other messages may stand between both.
+Pairs pairs_of(const FoundMessage& message, Stream stream) {
+  Pairs pairs;
+  const std::size_t count = std::min(message.frames.size(), most_compared);
+  for (std::size_t i = 1; i < count; ++i)
+    pairs.emplace_back(stream.subspan(message.frames[i - 1].at, message.length),
+                       stream.subspan(message.frames[i].at, message.length));
+  return pairs;
+}
+
+std::uint64_t value_at(Stream frame, const Number& number) {
+  return number_at(frame, number.at, number.size, number.is_big);
+}
+
+std::optional<FoundCounter> integer_counter(const Number& number, const Pairs& pairs) {
+  const std::uint64_t mask = low_bits(static_cast<unsigned>(8 * number.size));
+  std::map<std::uint64_t, std::size_t> steps;
+  for (const auto& [one, other] : pairs) ++steps[(value_at(other, number) - value_at(one, number)) & mask];
+  const auto most = std::ranges::max_element(steps, {}, [](const auto& step) { return step.second; });
+  const std::uint64_t step = most->first;
+  const double share = static_cast<double>(most->second) / static_cast<double>(pairs.size());
+  // A step without a change of the lowest byte belongs to a shorter number.
+  if (step == 0 || (step & 0xFFU) == 0 || step > mask / 2 || share < steady_share) return std::nullopt;
+  std::uint64_t highest = 0;
+  for (const auto& [one, other] : pairs) {
+    const std::uint64_t a = value_at(one, number), b = value_at(other, number);
+    if (((b - a) & mask) == step) highest = std::max({highest, a, b});
+  }
+  // Bytes belong together if the higher ones step where the lower ones begin again: two counters side by side do not.
+  for (std::size_t count = 1; count < number.size; ++count) {
+    const std::uint64_t low = low_bits(static_cast<unsigned>(8 * count));
+    std::size_t carries = 0, right = 0;
+    for (const auto& [one, other] : pairs) {
+      const std::uint64_t a = value_at(one, number), b = value_at(other, number);
+      if ((b & low) >= (a & low)) continue;
+      ++carries;
+      right += ((b - a) & mask) == step;
+    }
+    if (carries == 0 || 2 * right < carries) return std::nullopt;
+  }
+  FoundCounter found{number.at, number.size, number.is_big, false, static_cast<double>(step), 0, share, highest};
+  // Where it begins again before the type ends, it steps back by the modulus less the step.
+  std::map<std::uint64_t, std::size_t> falls;
+  for (const auto& [one, other] : pairs) {
+    const std::uint64_t a = value_at(one, number), b = value_at(other, number);
+    if (b < a && ((b - a) & mask) != step) ++falls[a - b + step];
+  }
+  const auto fall = std::ranges::max_element(falls, {}, [](const auto& one) { return one.second; });
+  if (fall != falls.end() && fall->first > highest && fall->first - highest <= step && fall->first <= mask &&
+      (fall->second > 1 || fall->first % 2 == 0 || fall->first % 5 == 0))
+    found.modulus = fall->first;
+  return found;
+}
+
+std::optional<FoundCounter> float_clock(const Number& number, const Pairs& pairs) {
+  std::vector<double> steps;
+  std::vector<double> values;
+  for (const auto& [one, other] : pairs) {
+    const double a = float_at(one, number.at, number.size, number.is_big);
+    const double b = float_at(other, number.at, number.size, number.is_big);
+    if (!std::isfinite(a) || !std::isfinite(b)) continue;
+    steps.push_back(b - a);
+    values.push_back(std::abs(b));
+  }
+  if (steps.size() < pairs.size() * 9 / 10 || steps.empty()) return std::nullopt;
+  const auto middle = steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2);
+  std::ranges::nth_element(steps, middle);
+  const double step = *middle;
+  // Nearly the largest value: damaged frames have any.
+  const auto high = values.begin() + static_cast<std::ptrdiff_t>(values.size() * 9 / 10);
+  std::ranges::nth_element(values, high);
+  const double largest = *high;
+  const double rounding = 2 * largest * (number.size == 4 ? 0x1p-23 : 0x1p-52);
+  // Numbers outside of these limits are other numbers that are read as a float.
+  constexpr double least_step = 1e-5, most_time = 1e10;
+  if (!(step > 4 * rounding) || step < least_step || largest > most_time) return std::nullopt;
+  const auto steady =
+      std::ranges::count_if(steps, [&](double one) { return std::abs(one - step) <= 1e-3 * step + 2 * rounding; });
+  const double share = static_cast<double>(steady) / static_cast<double>(pairs.size());
+  if (share < steady_share) return std::nullopt;
+  return FoundCounter{number.at, number.size, number.is_big, true, step, 0, share};
+}
+
+// A number that has not come to the end of its type may be longer, where the bytes beside it are always 0.
+template <class IsFree>
+void lengthen(FoundCounter& one, const FoundMessage& message, IsFree is_free) {
+  if (one.is_float || one.modulus != 0) return;
+  const std::uint64_t last = low_bits(static_cast<unsigned>(8 * one.size));
+  if (one.highest + static_cast<std::uint64_t>(one.step) > last) return;
+  const std::size_t size = one.size <= 2 ? 2 * one.size : one.size <= 4 ? 4 : 8, more = size - one.size;
+  if (more == 0) return;
+  const std::size_t begin = one.is_big ? one.at - std::min(one.at, more) : one.at + one.size;
+  if ((one.is_big && one.at < more) || begin + more > message.length || !is_free(begin, more)) return;
+  for (std::size_t i = begin; i < begin + more; ++i)
+    if (!message.constant[i] || message.usual[i] != std::byte{0}) return;
+  if (one.is_big) one.at = begin;
+  one.size = size;
+  lengthen(one, message, is_free);
+}
+
+}  // namespace
+
+std::vector<FoundCounter> find_counters(const FoundMessage& message, Stream stream) {
+  const Pairs pairs = pairs_of(message, stream);
+  constexpr std::size_t fewest = 8;
+  if (pairs.size() < fewest) return {};
+  std::vector<bool> is_taken(message.length);
+  for (const FoundCheck& check : message.checks)
+    for (std::size_t i = 0; i < check.size; ++i) is_taken[check.at + i] = true;
+  const auto is_free = [&](std::size_t at, std::size_t size) {
+    for (std::size_t i = at; i < at + size; ++i)
+      if (is_taken[i]) return false;
+    return true;
+  };
+  std::vector<FoundCounter> all;
+  for (const std::size_t size : {8, 6, 5, 4, 3, 2, 1})
+    for (std::size_t at = 0; at + size <= message.length; ++at)
+      for (const bool is_big : {false, true}) {
+        if (!is_free(at, size) || (size == 1 && is_big)) continue;
+        const std::size_t low = is_big ? at + size - 1 : at;
+        if (message.constant[low]) continue;
+        if (size == 8 || size == 4)
+          if (const auto found = float_clock({at, size, is_big, true}, pairs)) all.push_back(*found);
+        if (const auto found = integer_counter({at, size, is_big, false}, pairs)) all.push_back(*found);
+      }
+  // The longest numbers, and of these the steadiest ones.
+  std::ranges::stable_sort(all, [](const FoundCounter& a, const FoundCounter& b) {
+    return std::tuple(a.size, a.share) > std::tuple(b.size, b.share);
+  });
+  std::vector<FoundCounter> chosen;
+  for (const FoundCounter& one : all) {
+    if (!is_free(one.at, one.size)) continue;
+    for (std::size_t i = 0; i < one.size; ++i) is_taken[one.at + i] = true;
+    chosen.push_back(one);
+  }
+  for (FoundCounter& one : chosen) lengthen(one, message, is_free);
+  std::ranges::sort(chosen, {}, &FoundCounter::at);
+  return chosen;
+}
+
+double suggested_rate(const FoundFrames& found) {
+  constexpr double usual[] = {1,   2,   4,   5,   8,   10,  20,  25,  40,   50,   80,
+                              100, 125, 200, 250, 256, 400, 500, 800, 1000, 2000, 4000};
+  std::size_t most = 0;
+  for (const FoundMessage& message : found.messages) most = std::max(most, message.frames.size());
+  for (const FoundMessage& message : found.messages)
+    for (const FoundCounter& one : message.counters) {
+      if (one.is_counter() || one.size == 1) continue;
+      for (const double unit_s : {1.0, 1e-3, 1e-6, 1e-9}) {
+        if (one.is_float != (unit_s == 1)) continue;
+        const double share = std::round(static_cast<double>(most) / static_cast<double>(message.frames.size()));
+        const double rate_hz = std::max(share, 1.0) / (one.step * unit_s);
+        for (const double rate : usual)
+          if (std::abs(rate_hz / rate - 1) < 1e-3) return rate;
+      }
+    }
+  return 0;
+}
+
+void find_lengths(std::vector<FoundMessage>& messages) {
+  constexpr std::size_t last_place = 16;
+  const auto value = [](const FoundMessage& message, std::size_t at, std::size_t size, bool is_big) {
+    return number_at(message.usual, at, size, is_big);
+  };
+  const auto is_possible = [&](const FoundMessage& message, std::size_t at, std::size_t size) {
+    if (at + size > std::min(last_place, message.length)) return false;
+    for (const FoundCheck& check : message.checks)
+      if (at < check.at + check.size && check.at < at + size) return false;
+    // A length stands near the beginning: all before it is constant, but for a check.
+    for (std::size_t i = 0; i < at; ++i) {
+      const bool is_check = std::ranges::any_of(
+          message.checks, [i](const FoundCheck& check) { return i >= check.at && i < check.at + check.size; });
+      if (!message.constant[i] && !is_check) return false;
+    }
+    return std::all_of(message.constant.begin() + static_cast<std::ptrdiff_t>(at),
+                       message.constant.begin() + static_cast<std::ptrdiff_t>(at + size),
+                       [](bool one) { return one; });
+  };
+  bool differ = false;
+  for (const FoundMessage& message : messages) differ |= message.length != messages.front().length;
+  for (const std::size_t size : {2, 1})
+    for (std::size_t at = 1; at + size <= last_place; ++at)
+      for (const bool is_big : {false, true}) {
+        if ((size == 1 && is_big) || messages.empty() || messages.front().length_field) continue;
+        if (!is_possible(messages.front(), at, size)) continue;
+        bool is_same = true;
+        const std::int64_t plus = static_cast<std::int64_t>(value(messages.front(), at, size, is_big)) -
+                                  static_cast<std::int64_t>(messages.front().length);
+        for (const FoundMessage& message : messages)
+          is_same = is_same && is_possible(message, at, size) &&
+                    static_cast<std::int64_t>(value(message, at, size, is_big)) -
+                            static_cast<std::int64_t>(message.length) ==
+                        plus;
+        if (!is_same || plus > 0) continue;
+        // With one length alone, the number must be the size of a part of the frame.
+        for (FoundMessage& message : messages) {
+          FoundLength length{at, size, is_big, 0, message.length, 0, differ};
+          const auto missing = static_cast<std::size_t>(-plus);
+          const std::size_t end = at + size;
+          std::vector<std::size_t> ends = {message.length};
+          std::vector<std::size_t> begins = {0, at, end};
+          for (const FoundCheck& check : message.checks) {
+            if (check.at + check.size == message.length) ends.push_back(check.at);
+            if (check.at == end) begins.push_back(end + check.size);
+          }
+          for (std::size_t header = 1; header <= std::min<std::size_t>(at, 4); ++header) begins.push_back(header);
+          bool is_part = false;
+          for (const std::size_t to : ends)
+            for (const std::size_t from : begins)
+              if (!is_part && from < to && to - from == message.length - missing) {
+                is_part = true;
+                length.from = from;
+                length.to = to;
+              }
+          if (!is_part && !differ) continue;
+          if (!is_part) length.plus = plus;
+          message.length_field = length;
+        }
+      }
+}
+
+}  // namespace imud

@@ -1,0 +1,323 @@
+#include "tools/find/frame_finder.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <map>
+#include <tuple>
+
+#include "tools/find/crc_solver.hpp"
+
+namespace imud {
+namespace {
+
+using Stream = std::span<const std::byte>;
+
+constexpr std::size_t most_frames = 20'000;  // of a message, that are looked at
+constexpr std::size_t longest_header = 4;
+constexpr std::size_t nearest_begin = 16;  // bytes before an anchor, with frames of several lengths
+
+// Windows of `before` bytes and a frame, of the places that have them.
+std::vector<Stream> windows_of(const FrameSplit::Kind& kind, std::size_t before, Stream stream) {
+  std::vector<Stream> whole, all;
+  for (const auto& [at, is_next] : kind.places) {
+    if (at < before || at + kind.length > stream.size()) continue;
+    all.push_back(stream.subspan(at - before, before + kind.length));
+    if (is_next) whole.push_back(all.back());
+  }
+  return whole.size() >= FrameSplit::fewest_frames ? whole : all;
+}
+
+bool is_whole(const FoundCheck& check) { return check.is_whole(); }
+
+// Returns true for what could be the high byte of a number that hardly changes: of an integer near 0, or of a float
+// from 0.001 to 100.
+bool is_suspect(std::byte byte) {
+  const auto number = std::to_integer<unsigned>(byte), exponent = number & 0x7FU;
+  return number < 0x10 || number == 0xFF || (exponent >= 0x3A && exponent <= 0x42);
+}
+
+// A split with its checks, by windows that begin `before` bytes before the anchors.
+struct Trial {
+  FrameSplit split;
+  std::size_t before = 0;
+  std::vector<CheckSearch> searches;            // of each kind
+  std::vector<std::vector<FoundCheck>> checks;  // of each kind, in its windows
+  std::size_t begin = 0;                        // of the frames, in the windows
+  std::vector<std::size_t> other_begins;        // as good
+  double checked = 0;                           // the share of the frames' bytes with a check of all
+};
+
+// Returns how many bytes to move a check, so that it is in the frame that begins at `begin`; nullopt if it is in
+// none.
+std::optional<std::ptrdiff_t> moved(const FoundCheck& check, std::size_t begin, std::size_t length, bool is_cyclic) {
+  std::size_t first = check.at, last = std::max(check.at + check.size, check.ranges.back().second);
+  std::size_t latest = 0;  // at which one of the forms begins
+  for (const FoundCheck::Form& form : check.forms) latest = std::max(latest, form.begin);
+  first = std::min(first, latest);
+  for (const std::size_t by : {std::size_t{0}, length}) {
+    if (by != 0 && !is_cyclic) break;
+    if (first >= by + begin && last <= by + begin + length) return -static_cast<std::ptrdiff_t>(by + begin);
+  }
+  return std::nullopt;
+}
+
+// Rates a place at which all frames may begin: higher is better.
+std::tuple<double, int> rate_begin(const Trial& trial, std::size_t begin, Stream stream) {
+  double inside = 0;
+  int looks = 0;
+  const bool is_cyclic = trial.split.kinds.size() == 1;
+  for (std::size_t k = 0; k < trial.split.kinds.size(); ++k) {
+    const std::size_t length = trial.split.kinds[k].length;
+    for (const FoundCheck& check : trial.checks[k])
+      if (const auto by = moved(check, begin, length, is_cyclic)) {
+        inside += static_cast<double>(check.size) * check.share;
+        const std::size_t end = std::max(check.at + check.size, check.ranges.back().second);
+        if (static_cast<std::ptrdiff_t>(end) + *by == static_cast<std::ptrdiff_t>(length) && is_whole(check))
+          looks += 6;
+      }
+  }
+  // The beginning has constant bytes, which are no high bytes of numbers.
+  const std::size_t anchor = trial.split.kinds.front().places[trial.split.kinds.front().places.size() / 2].at;
+  const std::size_t first = anchor - std::min(anchor, trial.before) + begin;
+  const auto is_constant = [&](std::size_t at) {
+    return std::ranges::all_of(trial.searches, [&](const CheckSearch& one) { return one.is_constant(at); });
+  };
+  std::size_t header = 0;
+  while (header < longest_header && header < trial.split.kinds.front().length && is_constant(begin + header) &&
+         !is_suspect(stream[first + header]))
+    ++header;
+  looks += 2 * static_cast<int>(header) + (is_constant(begin) ? 1 : -6);
+  // A capture often begins with a frame.
+  std::size_t earliest = stream.size();
+  for (const FrameSplit::Kind& kind : trial.split.kinds) earliest = std::min(earliest, kind.places.front().at);
+  looks += earliest + begin == trial.before || earliest + begin == trial.before + trial.split.kinds.front().length;
+  return {inside, looks};
+}
+
+void choose_begin(Trial& trial, Stream stream) {
+  std::tuple<double, int> best{-1, 0};
+  const std::size_t last = trial.before;
+  for (std::size_t begin = 0; begin <= last; ++begin) {
+    if (trial.split.kinds.size() == 1 && begin == last) break;  // the same as 0
+    const auto rated = rate_begin(trial, begin, stream);
+    if (rated > best) {
+      best = rated;
+      trial.begin = begin;
+      trial.other_begins.clear();
+    } else if (rated == best) {
+      trial.other_begins.push_back(begin - trial.begin);
+    }
+  }
+}
+
+// A message that hardly varies shows no check: it may have the check of the others.
+void adopt_check(Trial& trial, std::size_t kind) {
+  for (std::size_t other = 0; other < trial.checks.size(); ++other)
+    for (const FoundCheck& check : trial.checks[other])
+      if (other != kind && is_whole(check))
+        if (auto adopted = trial.searches[kind].adopted(check, trial.split.kinds[other].length)) {
+          trial.checks[kind] = {std::move(*adopted)};
+          return;
+        }
+}
+
+// How thoroughly checks are sought: what is rare takes more time, and is sought where nothing else is found.
+enum class Depth : std::uint8_t { behind_range, before_range, unknown };
+
+Trial try_split(FrameSplit split, Stream stream, Depth depth) {
+  Trial trial;
+  trial.split = std::move(split);
+  const std::vector<FrameSplit::Kind>& kinds = trial.split.kinds;
+  trial.before = kinds.size() == 1 ? kinds.front().length : std::min(nearest_begin, kinds.front().length);
+  for (const FrameSplit::Kind& kind : kinds) {
+    trial.searches.emplace_back(windows_of(kind, trial.before, stream), kind.length);
+    const CheckSearch& search = trial.searches.back();
+    std::vector<FoundCheck> found = search.find(CheckSearch::Place::behind_range, trial.before);
+    if (depth >= Depth::before_range && std::ranges::none_of(found, is_whole)) {
+      for (FoundCheck& check : search.find(CheckSearch::Place::before_range, trial.before))
+        found.push_back(std::move(check));
+      if (depth >= Depth::unknown && std::ranges::none_of(found, is_whole))
+        for (FoundCheck& check : search.find_unknown(trial.before)) found.push_back(std::move(check));
+    }
+    trial.checks.push_back(std::move(found));
+  }
+  std::size_t checked = 0, all = 0;
+  for (std::size_t k = 0; k < kinds.size(); ++k) {
+    if (std::ranges::none_of(trial.checks[k], is_whole)) adopt_check(trial, k);
+    const std::size_t bytes = kinds[k].length * kinds[k].places.size();
+    all += bytes;
+    if (std::ranges::any_of(trial.checks[k], is_whole)) checked += bytes;
+  }
+  trial.checked = static_cast<double>(checked) / static_cast<double>(all);
+  choose_begin(trial, stream);
+  return trial;
+}
+
+double mean_length(const FrameSplit& split) {
+  std::size_t bytes = 0, frames = 0;
+  for (const FrameSplit::Kind& kind : split.kinds) {
+    bytes += kind.length * kind.places.size();
+    frames += kind.places.size();
+  }
+  return static_cast<double>(bytes) / static_cast<double>(frames);
+}
+
+// Returns true if the first trial explains more of the stream, or explains it more simply. Several frames with checks
+// may look like one with all of them; without checks, one long frame is as good as several.
+bool is_better(const Trial& a, const Trial& b) {
+  constexpr double alike = 0.01, much_shorter = 0.75;
+  const double more = a.checked * a.split.coverage - b.checked * b.split.coverage;
+  if (std::abs(more) > alike) return more > 0;
+  const double length = mean_length(a.split), other = mean_length(b.split);
+  if (a.checked > 0 && length < much_shorter * other) return true;
+  if (a.checked > 0 && other < much_shorter * length) return false;
+  const double wider = a.split.coverage - b.split.coverage;
+  if (std::abs(wider) > alike && !(a.checked > 0 && b.checked > 0)) return wider > 0;
+  if (a.split.kinds.size() != b.split.kinds.size()) return a.split.kinds.size() < b.split.kinds.size();
+  return length < other;
+}
+
+constexpr double nearly_all_checked = 0.95, half_checked = 0.5;
+
+std::optional<Trial> best_trial(std::span<const FrameSplit> splits, Stream stream, Depth depth) {
+  std::vector<const FrameSplit*> by_length;
+  for (const FrameSplit& split : splits) by_length.push_back(&split);
+  std::ranges::sort(by_length, {}, [](const FrameSplit* split) { return mean_length(*split); });
+  std::optional<Trial> best;
+  for (const FrameSplit* split : by_length) {
+    constexpr double longer = 1.34;
+    if (best && best->checked * best->split.coverage > nearly_all_checked &&
+        mean_length(*split) > longer * mean_length(best->split))
+      break;
+    Trial trial = try_split(*split, stream, depth);
+    if (!best || is_better(trial, *best)) best = std::move(trial);
+  }
+  return best;
+}
+
+void find_constants(FoundMessage& message, Stream stream) {
+  const auto frames = frames_of(message, stream);
+  message.usual.resize(message.length);
+  message.constant.resize(message.length);
+  for (std::size_t at = 0; at < message.length; ++at) {
+    std::array<std::size_t, 256> counts{};
+    for (const Stream frame : frames) ++counts[std::to_integer<std::size_t>(frame[at])];
+    const auto most = std::ranges::max_element(counts);
+    message.usual[at] = static_cast<std::byte>(most - counts.begin());
+    message.constant[at] = static_cast<double>(*most) >= constant_share * static_cast<double>(frames.size());
+  }
+}
+
+// Moves a check's places from the window to the frame; forms that begin before the frame are left out.
+std::optional<FoundCheck> in_frame(FoundCheck check, std::size_t begin, std::size_t length, bool is_cyclic) {
+  const auto by = moved(check, begin, length, is_cyclic);
+  if (!by) return std::nullopt;
+  const auto move = [by](std::size_t& at) { at = static_cast<std::size_t>(static_cast<std::ptrdiff_t>(at) + *by); };
+  std::erase_if(check.forms,
+                [by](const FoundCheck::Form& form) { return static_cast<std::ptrdiff_t>(form.begin) + *by < 0; });
+  if (check.forms.empty()) return std::nullopt;
+  for (FoundCheck::Form& form : check.forms) move(form.begin);
+  move(check.at);
+  for (auto& [first, last] : check.ranges) {
+    move(first);
+    move(last);
+  }
+  return check;
+}
+
+// The header: constant bytes at the beginning, up to the first that could be the high byte of a number.
+void find_header(FoundMessage& message) {
+  std::size_t limit = std::min(message.length, longest_header);
+  for (const FoundCheck& check : message.checks) limit = std::min(limit, check.at);
+  std::size_t count = 0;
+  while (count < limit && message.constant[count] && (count == 0 || !is_suspect(message.usual[count]))) ++count;
+  message.header = count;
+}
+
+// CRCs without a name of messages of different lengths: initial value and final XOR that are right for all.
+void solve_together(std::vector<FoundMessage>& messages, Stream stream) {
+  struct Own {
+    FoundMessage* message;
+    FoundCheck* check;
+  };
+  std::vector<Own> all;
+  for (FoundMessage& message : messages)
+    for (FoundCheck& check : message.checks)
+      if (check.forms.front().own && check.ranges.size() == 1) all.push_back({&message, &check});
+  if (all.size() < 2 || all[0].message->length == all[1].message->length) return;
+  const CrcParameters& parameters = *all[0].check->forms.front().own;
+  if (std::ranges::any_of(all, [&](const Own& one) {
+        return one.check->forms.front().own->poly != parameters.poly || one.check->forms.front().extra.size() != 0;
+      }))
+    return;
+  const auto example = [&](const Own& own) {
+    const FoundCheck& check = *own.check;
+    // A frame whose check agrees.
+    for (const Stream frame : frames_of(*own.message, stream)) {
+      const FoundCheck::Form& form = check.forms.front();
+      const Crc crc(*form.own);
+      const Stream bytes = frame.subspan(form.begin, check.at - form.begin);
+      const std::uint64_t value = number_at(frame, check.at, check.size, check.is_big);
+      if (crc.finish(crc.update(crc.start(), bytes)) == value) return CrcExample{frame.subspan(0, check.at), value};
+    }
+    return CrcExample{};
+  };
+  const auto solved = solve_initial(parameters, example(all[0]), example(all[1]));
+  if (!solved) return;
+  for (const Own& own : all) {
+    own.check->forms.front().begin = 0;
+    own.check->forms.front().own = solved;
+  }
+}
+
+}  // namespace
+
+std::vector<Stream> frames_of(const FoundMessage& message, Stream stream) {
+  std::vector<Stream> frames;
+  for (const auto& place : message.frames) frames.push_back(stream.subspan(place.at, message.length));
+  return frames;
+}
+
+std::optional<FoundFrames> find_frames(Stream stream) {
+  const std::vector<FrameSplit> splits = find_splits(stream);
+  std::optional<Trial> best;
+  for (const Depth depth : {Depth::behind_range, Depth::before_range, Depth::unknown}) {
+    constexpr std::size_t most_rare = 6;  // splits, the most probable ones
+    if (best && best->checked * best->split.coverage > half_checked) break;
+    const std::size_t most = depth == Depth::behind_range ? splits.size() : most_rare;
+    best = best_trial(std::span(splits).first(std::min(splits.size(), most)), stream, depth);
+  }
+  if (!best) return std::nullopt;
+  FoundFrames found;
+  found.coverage = best->split.coverage;
+  found.is_checked = best->checked > 0.99;
+  found.other_begins = best->other_begins;
+  const bool is_cyclic = best->split.kinds.size() == 1;
+  for (std::size_t k = 0; k < best->split.kinds.size(); ++k) {
+    const FrameSplit::Kind& kind = best->split.kinds[k];
+    FoundMessage message;
+    message.length = kind.length;
+    const std::size_t shift = best->before - best->begin;  // from the frame's first byte to its anchor
+    for (const auto& [at, is_next] : kind.places) {
+      // With one length, the frame may begin before the anchor by any number of bytes: its end is the next anchor's.
+      if (at >= shift && at - shift + kind.length <= stream.size() && message.frames.size() < most_frames)
+        message.frames.push_back({at - shift, is_next});
+    }
+    if (message.frames.empty()) continue;
+    find_constants(message, stream);
+    for (FoundCheck& check : best->checks[k])
+      if (auto inside = in_frame(std::move(check), best->begin, kind.length, is_cyclic))
+        message.checks.push_back(std::move(*inside));
+    std::ranges::sort(message.checks, {}, &FoundCheck::at);
+    find_header(message);
+    message.counters = find_counters(message, stream);
+    found.messages.push_back(std::move(message));
+  }
+  std::ranges::sort(found.messages, {}, [](const FoundMessage& message) { return message.frames.front().at; });
+  solve_together(found.messages, stream);
+  find_lengths(found.messages);
+  return found;
+}
+
+}  // namespace imud

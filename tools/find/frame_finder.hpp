@@ -1,0 +1,71 @@
+// find_frames: finds the messages of a stream: where they begin, their constant bytes, checks, length and counters.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "tools/find/check_search.hpp"
+#include "tools/find/frame_split.hpp"
+
+namespace imud {
+
+// A number that is the same in every frame of a length, and as much larger as the frame is longer.
+struct FoundLength {
+  std::size_t at = 0, size = 1;  // bytes
+  bool is_big = false;
+  std::size_t from = 0, to = 0;  // the bytes that it counts
+  std::int64_t plus = 0;         // and how many more
+  bool is_certain = false;       // frames of several lengths agree
+};
+
+// A number that rises by a constant step.
+struct FoundCounter {
+  std::size_t at = 0, size = 1;  // bytes
+  bool is_big = false;
+  bool is_float = false;
+  double step = 1;            // of its units, from frame to frame
+  std::uint64_t modulus = 0;  // if it begins again before its type ends; 0: it does not
+  double share = 0;           // of the frames that are that much later
+  std::uint64_t highest = 0;  // value, of an integer
+  bool is_counter() const noexcept { return !is_float && step == 1; }
+};
+
+struct FoundMessage {
+  std::size_t length = 0;
+  std::vector<FrameSplit::Place> frames;  // their first bytes
+  std::vector<std::byte> usual;           // of each byte, the most frequent value
+  std::vector<bool> constant;             // of each byte
+  std::size_t header = 0;                 // constant bytes at the beginning, by which a decoder finds it
+  std::vector<FoundCheck> checks;         // by their places
+  std::optional<FoundLength> length_field;
+  std::vector<FoundCounter> counters;  // by their places
+};
+
+struct FoundFrames {
+  std::vector<FoundMessage> messages;
+  double coverage = 0;      // the share of the bytes that are in frames
+  bool is_checked = false;  // each message has a check of nearly all that varies
+  // The frames could as well begin so many bytes later: nothing in the stream decides it.
+  std::vector<std::size_t> other_begins;
+};
+
+// Returns the messages of the stream; nullopt if no frame repeats.
+std::optional<FoundFrames> find_frames(std::span<const std::byte> stream);
+
+// The rate of the most frequent messages that a clock in them suggests, if its unit is 1 s, 1 ms, 1 us or 1 ns and
+// the rate a usual one; 0: no clock does.
+double suggested_rate(const FoundFrames& found);
+
+// Returns the frames of a message.
+std::vector<std::span<const std::byte>> frames_of(const FoundMessage& message, std::span<const std::byte> stream);
+
+// Finds the length field of the messages.
+void find_lengths(std::vector<FoundMessage>& messages);
+// Finds counters and clocks in the bytes that are neither constant nor part of a check.
+std::vector<FoundCounter> find_counters(const FoundMessage& message, std::span<const std::byte> stream);
+
+}  // namespace imud
