@@ -38,7 +38,7 @@ CheckRule crc_rule(const CrcParameters& parameters) {
 std::vector<CheckRule> check_rules() {
   using enum CheckRule::Kind;
   std::vector<CheckRule> rules;
-  for (const std::size_t size : {4, 2, 1}) {
+  for (const std::size_t size : {4U, 2U, 1U}) {
     const std::string bits = std::to_string(8 * size);
     for (std::size_t word = size; word > 0; word /= 2) {
       std::string name = "sum" + bits;

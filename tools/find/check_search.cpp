@@ -289,8 +289,8 @@ std::vector<FoundCheck> CheckSearch::find(Place place, std::size_t first_end) co
   }
   const auto key = [](const Candidate& one) { return std::tuple(one.rule, one.at, one.is_big, one.ranges); };
   std::ranges::sort(candidates, {}, key);
-  const auto same = std::ranges::unique(candidates, {}, key);
-  candidates.erase(same.begin(), same.end());
+  const auto is_same = [&key](const Candidate& one, const Candidate& other) { return key(one) == key(other); };
+  candidates.erase(std::unique(candidates.begin(), candidates.end(), is_same), candidates.end());
   std::vector<FoundCheck> found;
   for (const Candidate& candidate : candidates)
     if (holds(candidate))

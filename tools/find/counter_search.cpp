@@ -139,7 +139,7 @@ std::vector<FoundCounter> find_counters(const FoundMessage& message, Stream stre
     return true;
   };
   std::vector<FoundCounter> all;
-  for (const std::size_t size : {8, 6, 5, 4, 3, 2, 1})
+  for (const std::size_t size : {8U, 6U, 5U, 4U, 3U, 2U, 1U})
     for (std::size_t at = 0; at + size <= message.length; ++at)
       for (const bool is_big : {false, true}) {
         if (!is_free(at, size) || (size == 1 && is_big)) continue;
@@ -204,7 +204,7 @@ void find_lengths(std::vector<FoundMessage>& messages) {
   };
   bool differ = false;
   for (const FoundMessage& message : messages) differ |= message.length != messages.front().length;
-  for (const std::size_t size : {2, 1})
+  for (const std::size_t size : {2U, 1U})
     for (std::size_t at = 1; at + size <= last_place; ++at)
       for (const bool is_big : {false, true}) {
         if ((size == 1 && is_big) || messages.empty() || messages.front().length_field) continue;

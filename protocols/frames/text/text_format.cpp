@@ -40,6 +40,12 @@ char* write_digits(std::int64_t number, int digits, char* out) noexcept {
   return out + digits;
 }
 
+[[noreturn]] void refuse_format(const std::string& text) {
+  refuse_element("\"" + text +
+                 "\" is no format; give one like 6.2f, +07.3f, .4e, d, 03d or 04X, a pattern such as hhmmss.ss or "
+                 "ddmm.mmmm, or two texts such as N/S");
+}
+
 }  // namespace
 
 TextFormat TextFormat::take(std::string_view& text) {
@@ -90,11 +96,6 @@ bool TextFormat::take_pattern(std::string_view& text) {
 // Reads [FLAGS][WIDTH][.DECIMALS]LETTER.
 void TextFormat::take_number(std::string_view& text) {
   const std::string whole(text);
-  const auto refuse = [&whole] [[noreturn]] {
-    refuse_element("\"" + whole +
-                   "\" is no format; give one like 6.2f, +07.3f, .4e, d, 03d or 04X, a pattern such as hhmmss.ss or "
-                   "ddmm.mmmm, or two texts such as N/S");
-  };
   const std::string_view flags = take_while(text, "+ 0");
   has_plus_ = flags.find('+') != flags.npos;
   has_blank_ = flags.find(' ') != flags.npos;
@@ -106,7 +107,7 @@ void TextFormat::take_number(std::string_view& text) {
   if (width_ > widest || decimals_ > most_decimals)
     refuse_element("a format has at most " + std::to_string(widest) + " characters and " +
                    std::to_string(most_decimals) + " decimals");
-  if (text.empty()) refuse();
+  if (text.empty()) refuse_format(whole);
   switch (const char letter = text.front()) {
     case 'f':
       kind_ = Kind::fixed;
@@ -123,7 +124,7 @@ void TextFormat::take_number(std::string_view& text) {
       is_lower_ = letter == 'x';
       break;
     default:
-      refuse();
+      refuse_format(whole);
   }
   text.remove_prefix(1);
   if (is_integer() && has_point) refuse_element("an integer has no decimals");
