@@ -10,14 +10,14 @@
 namespace imud {
 namespace {
 
-const std::string flight = IMUD_TEST_DATA "/captures/jsbsim_c172_10s.pcap";
+const std::string can_flight = IMUD_TEST_DATA "/captures/jsbsim_c172_10s.pcap";
 
 class CanLogRun : public RunTest {
  protected:
   // Replays the flight as fast as possible to `port` and returns what standard output had.
   std::string replay(const std::string& port, const std::vector<std::string>& options = {}) const {
     const std::string c = config("fast", "udp:127.0.0.1:5140", "jsbsim", 150, "native-can", port);
-    std::vector<std::string> arguments = {"replay", c, flight, "--summary", path("summary.json")};
+    std::vector<std::string> arguments = {"replay", c, can_flight, "--summary", path("summary.json")};
     arguments.insert(arguments.end(), options.begin(), options.end());
     const ProgramResult run = run_program("imud", arguments);
     EXPECT_EQ(run.exit_code, 0) << run.errors;
@@ -41,7 +41,7 @@ TEST_F(CanLogRun, TheSameRunMakesTheSameLog) {
 
 TEST_F(CanLogRun, TheLogDecodesToTheNumbersOfTheRunAtTheTimesOfItsSamples) {
   const std::string c = config("fast", "udp:127.0.0.1:5140", "jsbsim", 150, "csv", "file:" + path("ideal.csv"));
-  ASSERT_EQ(run_program("imud", {"replay", c, flight}).exit_code, 0);
+  ASSERT_EQ(run_program("imud", {"replay", c, can_flight}).exit_code, 0);
   const auto expected = rows(read_file(path("ideal.csv")));
   ASSERT_EQ(expected.size(), 1501U);
   for (const std::string name : {"x.log", "x.asc"}) {

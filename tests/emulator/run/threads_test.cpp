@@ -9,7 +9,7 @@
 namespace imud {
 namespace {
 
-const std::string flight = IMUD_TEST_DATA "/captures/jsbsim_c172_10s.pcap";
+const std::string threads_flight = IMUD_TEST_DATA "/captures/jsbsim_c172_10s.pcap";
 
 class ThreadsTest : public RunTest {
  protected:
@@ -70,7 +70,7 @@ class ThreadsTest : public RunTest {
 
 // Sensors with deadlines of their own (heartbeats, slow messages), on byte files and CAN logs.
 TEST_F(ThreadsTest, DatagramsAndEveryKindOfPort) {
-  const Left left = compare("port = \"udp:127.0.0.1:5140\"\nformat = \"jsbsim\"\n", flight,
+  const Left left = compare("port = \"udp:127.0.0.1:5140\"\nformat = \"jsbsim\"\n", threads_flight,
                             {{"native", "rate_hz = 1000\n" + range},
                              {"csv", "rate_hz = 60\n" + range},
                              {"stim300", ""},
@@ -157,7 +157,7 @@ TEST_F(ThreadsTest, ManySkippedPacketsDoNotHoldTheReaderUp) {
 }
 
 TEST_F(ThreadsTest, TheirNumberIsChecked) {
-  const ProgramResult result = run_program("imud", {"replay", "x.toml", flight, "--fast", "--threads", "4"});
+  const ProgramResult result = run_program("imud", {"replay", "x.toml", threads_flight, "--fast", "--threads", "4"});
   EXPECT_EQ(result.exit_code, 2);
   EXPECT_TRUE(contains(result.errors, "--threads")) << result.errors;
 }
