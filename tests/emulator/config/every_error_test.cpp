@@ -77,7 +77,7 @@ TEST(EveryError, TheFileHasEachKeyOfTheErrors) {
              "second", "sync", "temperature_c", "model", "increments"});
   for (const std::string triad : {"gyro", "accelerometer", "magnetometer"})
     for (const std::string table : {"", ".unit_sigma", ".turn_on_sigma"}) check(triad + table, no_errors);
-  for (const std::string table : {"temperature", "vibration", "mounting", "barometer", "navigation"})
+  for (const std::string table : {"temperature", "vibration", "mounting", "barometer", "navigation", "clock"})
     check(table, {"model"});
   EXPECT_GT(given, 250U);
   EXPECT_GT(others, 150U);
