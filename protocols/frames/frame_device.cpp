@@ -72,14 +72,14 @@ FrameDevice::FrameDevice(std::vector<FrameMessage> messages, const FrameDescript
 
 void FrameDevice::power_on(DeviceTime now) noexcept {
   host_.power_on();
-  powered_ = now;
   newest_ = {};
   newest_.time = now;
-  restart();
+  restart(now);
 }
 
 // The next sample starts periods and dividers.
-void FrameDevice::restart() noexcept {
+void FrameDevice::restart(DeviceTime now) noexcept {
+  powered_ = now;
   start_.reset();
   for (Scheduled& one : scheduled_) one.is_polled = false;
   switch_messages();

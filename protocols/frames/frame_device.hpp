@@ -67,7 +67,7 @@ class FrameDevice final : public Device, private FrameHost::Unit {
   const Sample& newest() const noexcept override { return newest_; }
   void poll_message(std::size_t message, DeviceTime now, FrameBuffer& out) noexcept override;
   void switch_messages() noexcept override;
-  void restart() noexcept override;
+  void restart(DeviceTime now) noexcept override;
 
   void start(DeviceTime now) noexcept;
   void clear_increments(Scheduled& one, DeviceTime now) noexcept;
@@ -80,8 +80,8 @@ class FrameDevice final : public Device, private FrameHost::Unit {
   UartSettings uart_;
   FrameDescription::Start starting_;
   FrameEscape escape_;
-  std::vector<std::byte> content_;  // of a frame that is escaped
-  DeviceTime powered_ = {};
+  std::vector<std::byte> content_;   // of a frame that is escaped
+  DeviceTime powered_ = {};          // power on, or the last reset
   std::optional<DeviceTime> start_;  // time of the first sample since power on
   std::uint64_t counter_ = 0;        // of the last sample
   std::int64_t samples_ = 0;         // since the start

@@ -15,7 +15,7 @@ class Idle final : public FrameHost::Unit {
   const Sample& newest() const noexcept override { return sample_; }
   void poll_message(std::size_t, DeviceTime, FrameBuffer&) noexcept override {}
   void switch_messages() noexcept override {}
-  void restart() noexcept override {}
+  void restart(DeviceTime) noexcept override {}
 
  private:
   Sample sample_;

@@ -194,7 +194,7 @@ void FrameHost::finish(std::size_t index, DeviceTime now, Unit& unit, FrameBuffe
   set_line();
   if (!request.resets) return;
   start();
-  unit.restart();
+  unit.restart(now);
 }
 
 }  // namespace imud

@@ -28,7 +28,8 @@ class FrameHost {
     virtual void poll_message(std::size_t message, DeviceTime now, FrameBuffer& out) noexcept = 0;
     // Settings, or the stream, have changed.
     virtual void switch_messages() noexcept = 0;
-    virtual void restart() noexcept = 0;
+    // Starts as at power on.
+    virtual void restart(DeviceTime now) noexcept = 0;
 
    protected:
     ~Unit() = default;

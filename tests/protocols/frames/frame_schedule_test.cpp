@@ -124,6 +124,24 @@ text = "<{frame_counter%5:d}>"
   EXPECT_EQ(sent(4), "241 0 60 49 62 ");
 }
 
+TEST(FrameSchedule, ADeviceStartsUpWhenAHostResetsIt) {
+  Line line = frame_line("start = {silent_s = 0.3, until_s = 0.4}\n" + one_message("A5\nbits:u8:0=starting") +
+                         "[[request]]\nbytes = \"52\"\nreset = true\n");
+  const auto at = [](std::int64_t ms) {
+    Sample sample = nth(static_cast<std::uint64_t>(ms));
+    sample.time.ns = ms * 1'000'000;
+    return sample;
+  };
+  EXPECT_EQ(bytes_of(line, at(1000)), hex_bytes("A5 00"));
+  FrameBuffer replies;
+  const auto request = hex_bytes("52");
+  line.device->receive({request}, {1'005'000'000}, replies);
+  EXPECT_TRUE(bytes_of(line, at(1010)).empty());
+  EXPECT_TRUE(bytes_of(line, at(1304)).empty());
+  EXPECT_EQ(bytes_of(line, at(1305)), hex_bytes("A5 01"));
+  EXPECT_EQ(bytes_of(line, at(1405)), hex_bytes("A5 00"));
+}
+
 TEST(FrameSchedule, MessagesCoincideByTheirPhases) {
   const auto message = [](std::uint64_t divider, std::vector<std::uint64_t> phases) {
     FrameMessage one;
