@@ -50,6 +50,9 @@ UartSettings read_line(TableReader table, std::string& baud_setting) {
                                      Parity::none);
   uart.stop_bits = static_cast<unsigned>(table.unsigned_integer("stop_bits", 1, 2));
   if (uart.stop_bits == 0) table.fault("stop_bits", "give 1 or 2");
+  for (const char* key : {"parity", "stop_bits"})
+    if (table.has(key) && uart.baud == 0 && baud_setting.empty())
+      table.fault(key, "give baud, too; device.baud of a configuration may give another one");
   table.finish();
   return uart;
 }
