@@ -11,20 +11,6 @@ namespace {
 
 using Kind = FrameElement::Kind;
 
-std::uint64_t read_number(const FrameNumber& type, const std::byte* from) noexcept {
-  std::uint64_t bits = 0;
-  for (std::size_t i = 0; i < type.bytes; ++i)
-    bits = bits << 8 | std::to_integer<std::uint64_t>(from[type.is_big ? i : type.bytes - 1 - i]);
-  return bits;
-}
-
-void write_number(std::uint64_t bits, const FrameNumber& type, std::byte* to) noexcept {
-  for (std::size_t i = 0; i < type.bytes; ++i) {
-    to[type.is_big ? type.bytes - 1 - i : i] = static_cast<std::byte>(bits);
-    bits >>= 8;
-  }
-}
-
 // Returns the next word of a text between blanks, and removes it.
 std::string_view take_word(std::string_view& text) noexcept {
   const std::size_t begin = std::min(text.find_first_not_of(" \t\n\r"), text.size());
@@ -235,7 +221,7 @@ FrameLayout::Match FrameBytes::match(std::span<const std::byte> held, const Fram
   captures = {};
   captures.bytes = held.first(size());
   for (const Capture& one : captures_) {
-    const std::uint64_t code = read_number(one.number, held.data() + one.offset) >> one.low & low_bits(one.width);
+    const std::uint64_t code = load_number(one.number, held.data() + one.offset) >> one.low & low_bits(one.width);
     const auto value = settings.find_code(*one.setting, code);
     captures.is_allowed &= value.has_value();
     if (value) captures.chosen[captures.count++] = {*one.setting, *value};
@@ -249,7 +235,7 @@ void FrameBytes::fill(std::span<const std::uint8_t> values, const FrameSettings&
     if (!one.setting) continue;
     std::byte* const to = out.data() + one.offset;
     const std::uint64_t code = settings.code({*one.setting, values[*one.setting]});
-    write_number(read_number(one.number, to) | (code & low_bits(one.width)) << one.low, one.number, to);
+    store_number(load_number(one.number, to) | (code & low_bits(one.width)) << one.low, one.number, to);
   }
 }
 

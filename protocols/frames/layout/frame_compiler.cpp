@@ -20,12 +20,8 @@ double below_power(unsigned bits) noexcept {
 
 // Returns the bytes of a number in its order.
 std::vector<std::byte> bytes_of(std::uint64_t bits, const FrameNumber& type) {
-  std::vector<std::byte> bytes;
-  for (std::size_t i = 0; i < type.bytes; ++i) {
-    bytes.push_back(static_cast<std::byte>(bits));
-    bits >>= 8;
-  }
-  if (type.is_big) std::ranges::reverse(bytes);
+  std::vector<std::byte> bytes(type.bytes);
+  store_number(bits, type, bytes.data());
   return bytes;
 }
 

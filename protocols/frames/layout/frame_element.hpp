@@ -11,18 +11,10 @@
 
 #include "protocols/frames/layout/frame_check.hpp"
 #include "protocols/frames/layout/frame_description.hpp"
+#include "protocols/frames/layout/frame_number.hpp"
 #include "protocols/measurements/measured_quantities.hpp"
 
 namespace imud {
-
-// A number of a frame: u8 to u64, i8 to i64 in whole bytes, f32, f64.
-struct FrameNumber {
-  enum class Format : std::uint8_t { unsigned_integer, signed_integer, float32, float64 };
-  Format format = Format::unsigned_integer;
-  std::size_t bytes = 1;  // 1 to 8
-  bool is_big = false;    // high byte first
-  bool is_float() const noexcept { return format == Format::float32 || format == Format::float64; }
-};
 
 // The origin of a number.
 struct FrameSource {

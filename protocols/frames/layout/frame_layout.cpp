@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <bit>
-#include <boost/endian/conversion.hpp>
 #include <cmath>
 #include <cstring>
 
@@ -19,35 +18,6 @@ constexpr double floor_margin = 1e-6;
 // Returns the rounded number, in two's complement. `x` is in [-2^63, 2^64).
 std::uint64_t rounded(double x) noexcept {
   return x >= 0x1p63 ? static_cast<std::uint64_t>(x) : static_cast<std::uint64_t>(to_integer(x));
-}
-
-// Both: a number of `type.bytes` bytes.
-void store(std::uint64_t bits, const FrameNumber& type, std::byte* to) noexcept {
-  const std::uint64_t ordered = type.is_big ? boost::endian::native_to_big(bits << (64 - 8 * type.bytes))
-                                            : boost::endian::native_to_little(bits);
-  switch (type.bytes) {  // The compiler makes one instruction of a copy whose size it knows.
-    case 1:
-      std::memcpy(to, &ordered, 1);
-      break;
-    case 2:
-      std::memcpy(to, &ordered, 2);
-      break;
-    case 4:
-      std::memcpy(to, &ordered, 4);
-      break;
-    case 8:
-      std::memcpy(to, &ordered, 8);
-      break;
-    default:
-      std::memcpy(to, &ordered, type.bytes);
-  }
-}
-
-std::uint64_t load(const FrameNumber& type, const std::byte* from) noexcept {
-  std::uint64_t ordered = 0;
-  std::memcpy(&ordered, from, type.bytes);
-  return type.is_big ? boost::endian::big_to_native(ordered) >> (64 - 8 * type.bytes)
-                     : boost::endian::little_to_native(ordered);
 }
 
 std::uint64_t repeated(std::byte byte) noexcept { return std::to_integer<std::uint64_t>(byte) * 0x0101010101010101U; }
@@ -131,8 +101,8 @@ unsigned FrameLayout::write(const Reading& reading, const State& state, const Fr
         has_pattern ? repeated(pattern_) : number_of(field, reading, state, given, carried, saturated);
     std::byte* const to = frame.data() + field.offset;
     if (field.width != 8 * field.number.bytes)
-      bits = load(field.number, to) | (bits & low_bits(field.width)) << field.low;
-    store(bits, field.number, to);
+      bits = load_number(field.number, to) | (bits & low_bits(field.width)) << field.low;
+    store_number(bits, field.number, to);
   }
   write_checks(frame);
   return saturated;
@@ -140,8 +110,8 @@ unsigned FrameLayout::write(const Reading& reading, const State& state, const Fr
 
 void FrameLayout::write_checks(std::span<std::byte> frame) const noexcept {
   for (const Check& one : checks_)
-    store(one.check.of(frame, one.ranges, one.extra, one.is_big),
-          {Format::unsigned_integer, one.check.size(), one.is_big}, frame.data() + one.offset);
+    store_number(one.check.of(frame, one.ranges, one.extra, one.is_big),
+                 {Format::unsigned_integer, one.check.size(), one.is_big}, frame.data() + one.offset);
 }
 
 bool FrameLayout::may_coincide(const FrameLayout& other) const noexcept {
@@ -158,7 +128,8 @@ FrameLayout::Found FrameLayout::match(std::span<const std::byte> held) const noe
   for (const Check& one : checks_) {
     const FrameNumber type{Format::unsigned_integer, one.check.size(), one.is_big};
     const std::uint64_t right = one.check.of(held, one.ranges, one.extra, one.is_big);
-    if (((load(type, held.data() + one.offset) ^ right) & low_bits(static_cast<unsigned>(8 * type.bytes))) != 0)
+    if (((load_number(type, held.data() + one.offset) ^ right) & low_bits(static_cast<unsigned>(8 * type.bytes))) !=
+        0)
       return {Match::wrong_check, 0};
   }
   return {Match::yes, size()};
@@ -196,7 +167,8 @@ std::optional<FrameLayout::Decoded> FrameLayout::decode(std::span<const std::byt
   Measurement& measurement = read.measurement;
   for (std::size_t i = 0; i < fields_.size(); ++i) {
     const Field& field = fields_[i];
-    const std::uint64_t bits = load(field.number, frame.data() + field.offset) >> field.low & low_bits(field.width);
+    const std::uint64_t bits =
+        load_number(field.number, frame.data() + field.offset) >> field.low & low_bits(field.width);
     if (field.source == Source::alive_counter) {
       if (i == alive_counter_) decoded.alive_counter = {bits, field.period};
       continue;

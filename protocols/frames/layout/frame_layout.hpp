@@ -16,9 +16,6 @@
 
 namespace imud {
 
-// Returns a number of so many ones, 0 to 64.
-constexpr std::uint64_t low_bits(unsigned bits) noexcept { return bits == 0 ? 0 : ~std::uint64_t{0} >> (64 - bits); }
-
 class FrameLayout final : public MessageLayout {
  public:
   // Throws FrameFaults with every fault of the message.

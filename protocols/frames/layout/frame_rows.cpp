@@ -120,11 +120,8 @@ std::string FrameLayout::Compiler::difference(std::span<const std::byte> got,
   });
   if (field == out_.fields_.end()) return text;
   const auto value = [&](std::span<const std::byte> bytes) {
-    std::uint64_t bits = 0;
-    for (std::size_t i = 0; i < row->size; ++i)
-      bits =
-          bits << 8 | std::to_integer<std::uint64_t>(bytes[offset + (field->number.is_big ? i : row->size - 1 - i)]);
-    return shortest((value_of(*field, bits) - field->zero) / field->factor);
+    return shortest((value_of(*field, load_number(field->number, bytes.data() + offset)) - field->zero) /
+                    field->factor);
   };
   return text + ", which mean " + value(wanted) + " and " + value(got);
 }
