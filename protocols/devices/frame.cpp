@@ -167,7 +167,7 @@ std::vector<std::string> layout_of(const Settings& settings) {
     };
     const auto add = [&](const std::string& offset, const MessageLayout::Row& row) {
       lines.push_back(padded(offset, 6) + "  " + padded(row.type, type) + "  " + padded(row.lsb, lsb) + "  " +
-                      padded(row.unit, unit) + "  " + row.name);
+                      padded(row.unit, unit) + "  " + row.name + row.remark);
     };
     add("offset", {{}, 0, "type", "LSB", "unit", "name"});
     for (const MessageLayout::Row& row : rows) add(row.offset ? fmt::format("{:6}", *row.offset) : "", row);

@@ -64,9 +64,9 @@ void FrameLayout::Compiler::make_rows() {
         if (!row.unit.empty())
           row.name.erase(row.name.starts_with('-') + element.source.in.quantity->name.size(), row.unit.size() + 1);
         if (element.offset != 0)
-          row.name += (element.offset < 0 ? ", - " : ", + ") + shortest(std::abs(element.offset));
-        if (element.has_carry) row.name += ", with its remainder carried";
-        if (element.is_floor) row.name += ", rounded down";
+          row.remark += (element.offset < 0 ? ", - " : ", + ") + shortest(std::abs(element.offset));
+        if (element.has_carry) row.remark += ", with its remainder carried";
+        if (element.is_floor) row.remark += ", rounded down";
         row.lsb = element.number.is_float() && element.lsb == 1 ? "" : shortest(element.lsb);
         break;
       case Kind::check:

@@ -70,6 +70,7 @@ class MessageLayout {
     std::optional<std::size_t> offset;  // bytes; nullopt where the length of what precedes varies
     std::size_t size = 0;               // bytes; 0 if it varies
     std::string type, lsb, unit, name;
+    std::string remark = {};  // of a number, after its name
   };
   virtual const std::vector<Row>& rows() const noexcept = 0;
 

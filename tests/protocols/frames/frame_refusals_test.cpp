@@ -86,6 +86,8 @@ TEST(FrameRefusals, KeysThatCannotBe) {
       {good + "divider = 2\nphase = []", "1 to 1024 different numbers"},
       {good + "divider = 0", "give 1 for every sample"},
       {good + "byte_order = \"middle\"", "byte_order"},
+      {one_message("AA\nrate_x_rad_per_s:i16*0.1+1 carry", "test_frame = \"AA 00 00\""),
+       "differs at byte 1, in rate_x_rad_per_s (i16 le at 1)"},
       {good + "test_frame = \"AA 0\"", "must be bytes in hexadecimal"},
       {good + "test_frame = \"AA 00 00 00\"", "has 4 bytes, but the layout 5"},
       {good + "test_values = {rate_x_deg_per_s = 1}", "give the test_frame that has these values"},
