@@ -23,9 +23,7 @@ class FrameLayout final : public MessageLayout {
 
   std::size_t size() const noexcept { return template_.size(); }  // bytes
   std::size_t longest() const noexcept override { return size(); }
-  bool has_increments() const noexcept override { return has_increments_; }
   std::size_t carries() const noexcept override { return carries_; }
-  std::uint32_t components() const noexcept override { return components_; }
   Encoded encode(const Reading& reading, const State& state, std::span<double> carried,
                  std::span<std::byte> frame) const noexcept override {
     return {size(), write(reading, state, nullptr, carried, frame)};
@@ -38,7 +36,6 @@ class FrameLayout final : public MessageLayout {
   std::int64_t time_lsb_ns() const noexcept override { return clock_ ? fields_[*clock_].time_lsb_ns : 1; }
   Decoded wrapping() const noexcept override;
   std::optional<Decoded> decode(std::span<const std::byte> frame, ReadBack& read) const noexcept override;
-  const std::vector<Row>& rows() const noexcept override { return rows_; }
 
  private:
   using Source = FrameSource::Kind;
@@ -89,12 +86,7 @@ class FrameLayout final : public MessageLayout {
   std::vector<Field> fields_;
   std::vector<Check> checks_;  // a check whose range contains another one follows it
   std::byte pattern_{};        // while starting, in place of inertial fields; 0: none
-  bool has_increments_ = false;
   std::size_t carries_ = 0;
-  std::uint32_t components_ = 0;
-  // Where several fields are a clock or a counter, the one with the longest round is read back. Indices of fields.
-  std::optional<std::size_t> clock_, counter_, alive_counter_;
-  std::vector<Row> rows_;
 };
 
 }  // namespace imud

@@ -20,11 +20,11 @@ class MessageLayout {
 
   virtual std::size_t longest() const noexcept = 0;  // bytes of the longest frame
   // Returns true if the message depends on the increments of the Reading.
-  virtual bool has_increments() const noexcept = 0;
+  bool has_increments() const noexcept { return has_increments_; }
   // Returns the number of fields whose remainder is carried.
   virtual std::size_t carries() const noexcept = 0;
   // The components that the message carries, as in ReadBack.
-  virtual std::uint32_t components() const noexcept = 0;
+  std::uint32_t components() const noexcept { return components_; }
 
   // The state of the device that a frame shows beside the sample.
   struct State {
@@ -72,12 +72,18 @@ class MessageLayout {
     std::string type, lsb, unit, name;
     std::string remark = {};  // of a number, after its name
   };
-  virtual const std::vector<Row>& rows() const noexcept = 0;
+  const std::vector<Row>& rows() const noexcept { return rows_; }
 
  protected:
   MessageLayout() = default;
   MessageLayout(const MessageLayout&) = default;
   MessageLayout& operator=(const MessageLayout&) = default;
+
+  bool has_increments_ = false;
+  std::uint32_t components_ = 0;
+  // Where several fields are a clock or a counter, the one with the longest round is read back. Indices of fields.
+  std::optional<std::size_t> clock_, counter_, alive_counter_;
+  std::vector<Row> rows_;
 };
 
 // Returns the value of a bit of the status, or of FrameSource::starting.

@@ -22,16 +22,13 @@ class TextLayout final : public MessageLayout {
   TextLayout(const FrameDescription& description, const FrameDescription::Message& message);
 
   std::size_t longest() const noexcept override { return longest_; }
-  bool has_increments() const noexcept override { return has_increments_; }
   std::size_t carries() const noexcept override { return 0; }
-  std::uint32_t components() const noexcept override { return components_; }
   Encoded encode(const Reading& reading, const State& state, std::span<double> carried,
                  std::span<std::byte> frame) const noexcept override;
   Found match(std::span<const std::byte> held) const noexcept override;
   std::int64_t time_lsb_ns() const noexcept override { return time_lsb_ns_; }
   Decoded wrapping() const noexcept override;
   std::optional<Decoded> decode(std::span<const std::byte> frame, ReadBack& read) const noexcept override;
-  const std::vector<Row>& rows() const noexcept override { return rows_; }
 
  private:
   // The places at which the pieces of a frame begin, and at last its end.
@@ -56,12 +53,7 @@ class TextLayout final : public MessageLayout {
 
   std::vector<TextPiece> pieces_;
   std::size_t longest_ = 0;
-  bool has_increments_ = false;
-  std::uint32_t components_ = 0;
   std::int64_t time_lsb_ns_ = 1;
-  // Indices of the pieces that are read back as clock and counters.
-  std::optional<std::size_t> clock_, counter_, alive_counter_;
-  std::vector<Row> rows_;
 };
 
 }  // namespace imud
