@@ -231,9 +231,7 @@ void read_root(TableReader& table, Faults& faults, toml::table& resolved, FrameD
   description.name = table.text("name", "");
   description.document = table.text("document", "");
   const bool big = is_big(table, false);
-  using enum FrameEscape;
-  description.escape = table.choice<FrameEscape>(
-      "escape", {{none, "none"}, {slip, "slip"}, {hdlc, "hdlc"}, {dle, "dle"}, {cobs, "cobs"}}, none);
+  description.escape = static_cast<FrameEscape>(table.choice("escape", escape_names, 0));
   description.uart = read_line(table.child("line"), description.baud_setting);
   description.start = read_start(table.child("start"));
   description.host.is_big = big;

@@ -39,22 +39,6 @@ std::size_t write_cobs(std::span<const std::byte> content, std::span<std::byte> 
 
 }  // namespace
 
-const char* escape_name(FrameEscape escape) noexcept {
-  switch (escape) {
-    case FrameEscape::none:
-      return "none";
-    case FrameEscape::slip:
-      return "slip";
-    case FrameEscape::hdlc:
-      return "hdlc";
-    case FrameEscape::dle:
-      return "dle";
-    case FrameEscape::cobs:
-      return "cobs";
-  }
-  return "";
-}
-
 std::size_t escape_frame(FrameEscape escape, std::span<const std::byte> content, std::span<std::byte> out) noexcept {
   if (escape == FrameEscape::cobs) return write_cobs(content, out);
   std::size_t size = 0;

@@ -12,13 +12,17 @@
 #include <cstddef>
 #include <cstdint>
 #include <span>
+#include <string_view>
 
 #include "protocols/frames/layout/frame_description.hpp"
 
 namespace imud {
 
-// Returns the name in the table.
-const char* escape_name(FrameEscape escape) noexcept;
+// The names, in the order of the enumeration.
+inline constexpr std::string_view escape_names[] = {"none", "slip", "hdlc", "dle", "cobs"};
+constexpr std::string_view escape_name(FrameEscape escape) noexcept {
+  return escape_names[static_cast<std::size_t>(escape)];
+}
 
 // Returns the bytes of the longest frame whose content has `size` bytes.
 constexpr std::size_t longest_escaped(FrameEscape escape, std::size_t size) noexcept {
