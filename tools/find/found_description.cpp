@@ -7,17 +7,12 @@
 #include <map>
 #include <set>
 
+#include "protocols/wire/byte_text.hpp"
+
 namespace imud {
 namespace {
 
 using Stream = std::span<const std::byte>;
-
-std::string hex(Stream bytes) {
-  std::string text;
-  for (const std::byte byte : bytes)
-    text += fmt::format("{}{:02X}", text.empty() ? "" : " ", std::to_integer<unsigned>(byte));
-  return text;
-}
 
 std::string bytes_text(const FrameCheck::Range& range) {
   const auto [begin, end] = range;
@@ -81,7 +76,7 @@ class MessageText {
     }
     out += "]\n";
     if (frame_.empty()) return out;
-    out += "test_frame = \"" + hex(frame_) + "\"\n";
+    out += "test_frame = \"" + hex_text(frame_) + "\"\n";
     if (!values_.empty()) out += "test_values = {" + values_ + "}\n";
     return out;
   }
@@ -149,12 +144,12 @@ class MessageText {
       bytes += (bytes.empty() ? "" : " and ") + bytes_text({begin, end});
     }
     std::string element = "check:" + name + ":" + ranges;
-    if (!form.extra.empty()) element += ":+" + hex(form.extra);
+    if (!form.extra.empty()) element += ":+" + hex_text(form.extra);
     add(check.at, check.size, element + order_text(check.size, check.is_big));
     remark(fmt::format("{}: {} of {}{}; {} of {} frames agree, by chance {}; {} different frames decide",
                        bytes_text({check.at, check.at + check.size}), name, bytes,
-                       form.extra.empty() ? "" : " and then of " + hex(form.extra), check.agreeing, check.compared,
-                       power_text(check.chance_log2), check.deciding));
+                       form.extra.empty() ? "" : " and then of " + hex_text(form.extra), check.agreeing,
+                       check.compared, power_text(check.chance_log2), check.deciding));
     constexpr double seldom_log2 = -10;
     if (check.chance_log2 > seldom_log2)
       remark("  it is the check of the other messages: here, too few bytes change for a search");
@@ -267,7 +262,7 @@ class MessageText {
       if (!is_fixed_[at] || !is_free(at, 1)) continue;
       std::size_t end = at + 1;
       while (end < message_.length && is_fixed_[end] && is_free(end, 1) && !labels_.contains(end)) ++end;
-      add(at, end - at, hex(Stream(message_.usual).subspan(at, end - at)));
+      add(at, end - at, hex_text(Stream(message_.usual).subspan(at, end - at)));
       at = end - 1;
     }
   }
@@ -282,7 +277,8 @@ class MessageText {
     for (std::size_t at = begin; at < end; ++at)
       if (!message_.constant[at]) return "";
     constexpr std::size_t most = 16;
-    return fmt::format("  # always {}{}", hex(Stream(message_.usual).subspan(begin, std::min(end - begin, most))),
+    return fmt::format("  # always {}{}",
+                       hex_text(Stream(message_.usual).subspan(begin, std::min(end - begin, most))),
                        end - begin > most ? " ..." : "");
   }
 

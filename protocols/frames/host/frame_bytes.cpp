@@ -4,6 +4,7 @@
 
 #include "protocols/frames/host/frame_captures.hpp"
 #include "protocols/frames/layout/frame_compiler.hpp"
+#include "protocols/wire/byte_text.hpp"
 #include "protocols/wire/number_text.hpp"
 
 namespace imud {

@@ -3,6 +3,7 @@
 #include <memory>
 
 #include "protocols/frames/host/frame_host.hpp"
+#include "protocols/wire/byte_text.hpp"
 
 namespace imud {
 namespace {
@@ -21,29 +22,7 @@ class Idle final : public FrameHost::Unit {
   Sample sample_;
 };
 
-std::string hex_text(std::span<const std::byte> bytes) {
-  constexpr char digits[] = "0123456789ABCDEF";
-  std::string text;
-  for (const std::byte byte : bytes) {
-    if (!text.empty()) text += ' ';
-    text += digits[std::to_integer<unsigned>(byte) >> 4];
-    text += digits[std::to_integer<unsigned>(byte) & 15U];
-  }
-  return text;
-}
-
-// Returns a text in quotes, with \r and \n for the ends of lines.
-std::string escaped(std::string_view text) {
-  std::string all = "\"";
-  for (const char c : text)
-    if (c == '\r')
-      all += "\\r";
-    else if (c == '\n')
-      all += "\\n";
-    else
-      all += c;
-  return all + '"';
-}
+std::string quoted_text(std::string_view text) { return '"' + visible_text(text) + '"'; }
 
 std::vector<std::byte> copied(std::string_view text) {
   const auto bytes = std::as_bytes(std::span(text));
@@ -58,7 +37,7 @@ std::optional<std::vector<std::byte>> test_bytes(const std::string& text, bool i
 std::string difference(std::span<const std::byte> got, std::span<const std::byte> wanted, bool is_text) {
   const auto shown = [is_text](std::span<const std::byte> bytes) {
     if (bytes.empty()) return std::string("nothing");
-    return is_text ? escaped({reinterpret_cast<const char*>(bytes.data()), bytes.size()}) : hex_text(bytes);
+    return is_text ? quoted_text({reinterpret_cast<const char*>(bytes.data()), bytes.size()}) : hex_text(bytes);
   };
   const auto at = std::ranges::mismatch(got, wanted).in1 - got.begin();
   return "the unit answers " + shown(got) + ", not " + shown(wanted) + ": they differ at byte " + std::to_string(at);
@@ -76,7 +55,7 @@ std::optional<std::string> fault_of(const std::shared_ptr<const FrameRequests>& 
   host.receive(*sent, {}, unit, *replies);
   while (const auto due = host.deadline()) host.poll(*due, unit, *replies);
   if (host.newest_request() != index || host.unknown_bytes() != 0)
-    return (is_text ? escaped(test.request) : test.request) + " is no request of this form";
+    return (is_text ? quoted_text(test.request) : test.request) + " is no request of this form";
   std::vector<std::byte> got;
   for (const Frame& frame : replies->frames()) got.insert(got.end(), frame.bytes.begin(), frame.bytes.end());
   const bool is_text_answer = is_text && described.answer.layout.empty() && described.otherwise.layout.empty();

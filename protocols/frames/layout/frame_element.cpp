@@ -8,6 +8,7 @@
 #include "core/numbers/nearest.hpp"
 #include "protocols/frames/layout/frame_parts.hpp"
 #include "protocols/quantities/columns.hpp"
+#include "protocols/wire/byte_text.hpp"
 #include "protocols/wire/number_text.hpp"
 
 namespace imud {

@@ -78,7 +78,4 @@ std::optional<FrameSource> find_frame_source(std::string_view name);
 // Returns the fault of an unknown name, with the nearest name that is known.
 std::string unknown_frame_source(std::string_view name);
 
-// Parses pairs of hexadecimal digits, between which blanks may be; nullopt if the text is something else.
-std::optional<std::vector<std::byte>> hex_bytes_in(std::string_view text);
-
 }  // namespace imud

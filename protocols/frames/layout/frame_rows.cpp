@@ -4,6 +4,7 @@
 
 #include "core/numbers/nearest.hpp"
 #include "protocols/frames/layout/frame_compiler.hpp"
+#include "protocols/wire/byte_text.hpp"
 #include "protocols/wire/shortest_text.hpp"
 
 namespace imud {
@@ -11,15 +12,9 @@ namespace {
 
 using Kind = FrameElement::Kind;
 
-std::string hex(std::span<const std::byte> bytes, std::size_t most = 16) {
-  constexpr char digits[] = "0123456789ABCDEF";
-  std::string text;
-  for (const std::byte byte : bytes.first(std::min(bytes.size(), most))) {
-    if (!text.empty()) text += ' ';
-    text += digits[std::to_integer<unsigned>(byte) >> 4];
-    text += digits[std::to_integer<unsigned>(byte) & 15U];
-  }
-  return bytes.size() > most ? text + " ..." : text;
+std::string hex(std::span<const std::byte> bytes) {
+  constexpr std::size_t most = 16;
+  return hex_text(bytes.first(std::min(bytes.size(), most))) + (bytes.size() > most ? " ..." : "");
 }
 
 std::string shortest(double number) {

@@ -75,24 +75,4 @@ std::string unknown_frame_source(std::string_view name) {
   return fault + "; a name is a quantity and its unit, such as rate_x_deg_per_s; protocols/README.md lists them";
 }
 
-std::optional<std::vector<std::byte>> hex_bytes_in(std::string_view text) {
-  const auto digit = [](char c) {
-    return c >= '0' && c <= '9'   ? c - '0'
-           : c >= 'A' && c <= 'F' ? c - 'A' + 10
-           : c >= 'a' && c <= 'f' ? c - 'a' + 10
-                                  : -1;
-  };
-  std::vector<std::byte> bytes;
-  for (std::size_t i = 0; i < text.size();) {
-    if (text[i] == ' ' || text[i] == '\t' || text[i] == '\n' || text[i] == '\r') {
-      ++i;
-      continue;
-    }
-    if (i + 1 == text.size() || digit(text[i]) < 0 || digit(text[i + 1]) < 0) return std::nullopt;
-    bytes.push_back(static_cast<std::byte>(16 * digit(text[i]) + digit(text[i + 1])));
-    i += 2;
-  }
-  return bytes;
-}
-
 }  // namespace imud

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "protocols/frames/layout/frame_parts.hpp"
+#include "protocols/wire/byte_text.hpp"
 #include "protocols/wire/shortest_text.hpp"
 
 namespace imud {
@@ -15,22 +16,6 @@ using Source = FrameSource::Kind;
 std::string shortest(double number) {
   char text[longest_shortest_text];
   return {text, write_shortest(text, number)};
-}
-
-// Returns the characters; line ends and tabs are written as in TOML.
-std::string visible(std::string_view text) {
-  std::string out;
-  for (const char c : text) {
-    if (c == '\r')
-      out += "\\r";
-    else if (c == '\n')
-      out += "\\n";
-    else if (c == '\t')
-      out += "\\t";
-    else
-      out += c;
-  }
-  return out;
 }
 
 }  // namespace
@@ -140,7 +125,7 @@ void TextLayout::Compiler::make_rows() {
   std::optional<std::size_t> offset = 0;
   for (const TextPiece& piece : out_.pieces_) {
     std::size_t size = piece.longest();
-    Row row{offset, size, "constant", "", "", visible(piece.text)};
+    Row row{offset, size, "constant", "", "", visible_text(piece.text)};
     if (piece.kind == Kind::field) {
       const std::size_t colon = piece.text.find(':');
       size = piece.format.may_be_empty() || (piece.format.is_number() && piece.source.kind != Source::status)
@@ -206,9 +191,9 @@ void TextLayout::Compiler::test(const FrameDescription::Test& test, std::vector<
   const std::size_t begin = std::min<std::size_t>(places[piece], wanted.size());
   const std::size_t shown = std::max<std::size_t>(places[piece + 1] - places[piece], 1);
   fault(line, "test_frame",
-        "differs at character " + std::to_string(at) + ", in \"" + visible(out_.pieces_[piece].text) +
-            "\": it has \"" + visible(std::string_view(wanted).substr(begin, shown)) + "\", test_values give \"" +
-            visible(std::string_view(got).substr(begin, shown)) + "\"");
+        "differs at character " + std::to_string(at) + ", in \"" + visible_text(out_.pieces_[piece].text) +
+            "\": it has \"" + visible_text(std::string_view(wanted).substr(begin, shown)) +
+            "\", test_values give \"" + visible_text(std::string_view(got).substr(begin, shown)) + "\"");
 }
 
 }  // namespace imud
