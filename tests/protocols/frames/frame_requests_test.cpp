@@ -186,7 +186,7 @@ TEST(FrameRequests, TheStreamIsSwitched) {
   unit.samples(50);
   unit.send("go\n");
   unit.samples(1);
-  // The increments of the pause are those of no message: 1 rad a sample.
+  // No message has the increments of the pause, which are 1 rad a sample.
   EXPECT_EQ(FrameUnit::hex_text({reinterpret_cast<const char*>(unit.newest().data()), 6}), "A1 05 3F 80 00 00");
   unit.send("stop\n");
   unit.device().power_on(unit.now());

@@ -1,4 +1,4 @@
-// imu-decode --find-check: what it prints is read at once, and decodes the capture.
+// imu-decode --find-check prints a description that is read at once, and that decodes the capture.
 #include <gtest/gtest.h>
 
 #include <fstream>

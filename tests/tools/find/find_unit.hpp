@@ -12,7 +12,7 @@
 
 namespace imud {
 
-// What the sensor does: lies still, or is turned about all axes.
+// A sensor lies still, or is turned about all axes.
 enum class Handling { rest, turned };
 
 // The noise of a sensor of good grade, and a motion whose rates agree with the direction of gravity.

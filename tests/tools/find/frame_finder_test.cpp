@@ -54,7 +54,7 @@ void expect_described(const FoundFrames& found, std::string_view name, bool is_w
       const bool counts = row.name.find("counter") != row.name.npos && row.type != "u8 be";
       if (!counts && !row.name.starts_with("time") && !row.name.starts_with("gps_time_of_week")) continue;
       const auto counter = std::ranges::find_if(got->counters, [&](const FoundCounter& one) {
-        // Of a number whose high bytes do not change, only the low ones are seen.
+        // A number whose high bytes do not change is seen by its low ones only.
         const std::size_t low = one.is_big ? one.at + one.size - 1 : one.at;
         return low == (is_big ? offset + row.size - 1 : offset) && one.size <= row.size &&
                (one.size == 1 || one.is_big == is_big);
