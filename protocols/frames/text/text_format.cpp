@@ -67,6 +67,7 @@ bool TextFormat::take_choice(std::string_view& text) {
   if (above_.empty() || otherwise_.empty() || above_.size() > longest_choice || otherwise_.size() > longest_choice ||
       above_ == otherwise_ || above_.starts_with(otherwise_) || otherwise_.starts_with(above_))
     refuse_element("a choice is two texts of 1 to 16 characters that begin differently, such as N/S");
+  if (otherwise_.find('*') != std::string::npos) refuse_element("a choice of texts has no LSB");
   text.remove_prefix(end);
   return true;
 }

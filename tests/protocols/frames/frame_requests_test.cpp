@@ -3,6 +3,7 @@
 
 #include <chrono>
 
+#include "protocols/wire/byte_text.hpp"
 #include "tests/protocols/frames/frame_unit.hpp"
 
 namespace imud {
