@@ -43,6 +43,8 @@ TextPiece field_in(std::string_view text) {
   piece.format = TextFormat::take(rest);
   std::tie(piece.lsb, piece.offset) = take_scale(rest);
   if (!rest.empty()) refuse_element("what follows the format must be ?, *LSB or +OFFSET, not " + quoted(rest));
+  if (piece.format.chosen("") && (piece.lsb != 1 || piece.offset != 0))
+    refuse_element("a choice of texts has no LSB and no offset");
   const bool is_integer = piece.format.is_integer();
   if (is_counting(piece.source) && (!is_integer || piece.lsb != 1 || piece.offset != 0))
     refuse_element("a counter or the status is written as d or X, without LSB and offset");

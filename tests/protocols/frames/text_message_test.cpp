@@ -254,6 +254,7 @@ TEST(TextMessage, RefusesWhatCannotBe) {
       {"A{not_valid:A/}\\n", "a choice is two texts"},
       {"A{not_valid:A/AB}\\n", "a choice is two texts"},
       {"A{gnss_fix:1/0*2}\\n", "a choice of texts has no LSB"},
+      {"A{gnss_fix:1/0?*2}\\n", "a choice of texts has no LSB"},
       {"A{rate_x_deg_per_s:f}",
        "a decoder cannot find the end of {rate_x_deg_per_s:f}: let a character follow, such"},
       {"A{rate_x_deg_per_s:f}{rate_y_deg_per_s:f}\\n", "fill it up with zeros, as in 08.3f"},
