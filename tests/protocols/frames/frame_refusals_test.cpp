@@ -1,5 +1,4 @@
 // Faults of descriptions: each is reported with its line, its place, and what would be right.
-#include "protocols/frames/host/frame_requests.hpp"
 #include "tests/protocols/frames/frame_unit.hpp"
 #include "tests/support/text.hpp"
 
@@ -129,49 +128,6 @@ TEST(FrameRefusals, AllFaultsAreReportedTogether) {
       "NAME:TYPE, such as rate_x_deg_per_s:i16*0.01\n"
       "test.toml:10: message \"m\": \"rate_x_deg_per_s:f33\": there is no type \"f33\"; give u8, u16, u24, u32, "
       "u64, i8, i16, i24, i32, i64, f32 or f64");
-}
-
-// Any change of a shipped description is read, or refused with a text, and what is read can be sent and decoded.
-TEST(FrameRefusals, NoTextIsHarmful) {
-  std::mt19937_64 random(11);
-  constexpr std::string_view alphabet = "@:.*+-%/^=!?,_\"' 0123456789ABCDEFabcdefghiklmnoprstuvwxyz[]{}\n";
-  std::size_t accepted = 0;
-  for (int i = 0; i < 6000; ++i) {
-    const ShippedFrames& shipped = shipped_frames()[random() % shipped_frames().size()];
-    std::string text(shipped.text);
-    for (std::size_t n = 1 + random() % 3; n > 0; --n) {
-      const std::size_t at = random() % text.size();
-      switch (random() % 4) {
-        case 0:
-          text.erase(at, 1 + random() % 8);
-          break;
-        case 1:
-          text.insert(at, 1, alphabet[random() % alphabet.size()]);
-          break;
-        case 2:
-          text.insert(at, text.substr(random() % text.size(), random() % 12));
-          break;
-        default:
-          text[at] = alphabet[random() % alphabet.size()];
-      }
-      if (text.empty()) text = " ";
-    }
-    try {
-      Line line = frame_line(text);
-      Recording recording;
-      for (const Frame& frame : line.encode({})) line.decoder->feed(frame, recording);
-      line.decoder->feed({random_bytes(300, random)}, recording);
-      const auto replies = std::make_unique<FrameBuffer>();
-      for (const std::vector<std::byte>& bytes : FrameRequests(*frames_of_text(text, "test.toml")).examples())
-        line.device->receive({bytes}, {}, *replies);
-      line.device->receive({random_bytes(300, random)}, {}, *replies);
-      line.decoder->finish(recording);
-      ++accepted;
-    } catch (const ConfigError& error) {
-      ASSERT_FALSE(error.faults.empty());
-    }
-  }
-  EXPECT_GT(accepted, 100U);  // changes of comments, names and test frames' blanks
 }
 
 // A captured frame has bytes that the layout leaves open: they may have any value, and the check is of them.
