@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <iterator>
 
 namespace imud {
@@ -11,6 +12,11 @@ std::string hex_text(std::span<const std::byte> bytes) {
   for (const std::byte byte : bytes)
     fmt::format_to(std::back_inserter(text), "{}{:02X}", text.empty() ? "" : " ", std::to_integer<unsigned>(byte));
   return text;
+}
+
+std::string short_hex_text(std::span<const std::byte> bytes) {
+  constexpr std::size_t most = 16;
+  return hex_text(bytes.first(std::min(bytes.size(), most))) + (bytes.size() > most ? " ..." : "");
 }
 
 std::optional<std::vector<std::byte>> hex_bytes_in(std::string_view text) {

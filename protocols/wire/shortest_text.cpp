@@ -105,4 +105,9 @@ char* write_rounded(char* at, double number, int digits) noexcept {
   return digits < all_digits ? write<true>(at, number, digits) : write_shortest(at, number);
 }
 
+std::string shortest_text(double number) {
+  char text[longest_shortest_text];
+  return {text, write_shortest(text, number)};
+}
+
 }  // namespace imud

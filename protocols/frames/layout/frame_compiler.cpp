@@ -261,8 +261,11 @@ std::size_t FrameLayout::Compiler::place_of(const std::string& label) const {
 FrameCheck::Range FrameLayout::Compiler::range(const FrameElement::Range& range, std::size_t own) const {
   const std::size_t from = place_of(range.from);
   const std::size_t to = range.is_to_end ? out_.size() : range.to.empty() ? own : place_of(range.to);
-  if (from > to) refuse_element("the range @" + range.from + ".. begins after its end");
-  return {from, to};
+  if (from <= to) return {from, to};
+  const std::string begin = "@" + range.from + "..";
+  refuse_element(
+      "the range " + begin + " begins after its end" +
+      (range.to.empty() ? "; without an end it ends at the check; " + begin + "@ ends with the frame" : ""));
 }
 
 void FrameLayout::Compiler::resolve_length(const Placed& placed) {

@@ -38,7 +38,11 @@ class FrameLayout::Compiler {
   std::size_t place_of(const std::string& label) const;
   void give(const FrameDescription::Value& value, FrameTestValues& given) const;
   void test(const FrameDescription::Test& test);
+  void copy_elements(FrameElement::Kind kind, std::span<const std::byte> from, std::span<std::byte> to) const;
+  // These return texts for a fault: of bytes that differ from the test frame, or have another number,
   std::string difference(std::span<const std::byte> got, std::span<const std::byte> wanted) const;
+  std::string wrong_size(std::span<const std::byte> got, std::span<const std::byte> wanted) const;
+  std::string wrong_check(const Check& check) const;  // and of a check that is another one than in the test frames
   void constant(std::size_t offset, std::span<const std::byte> bytes);
 
   // Calls `act` and adds the fault that it throws.

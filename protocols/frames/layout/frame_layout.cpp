@@ -109,9 +109,12 @@ unsigned FrameLayout::write(const Reading& reading, const State& state, const Fr
 }
 
 void FrameLayout::write_checks(std::span<std::byte> frame) const noexcept {
-  for (const Check& one : checks_)
-    store_number(one.check.of(frame, one.ranges, one.extra, one.is_big),
-                 {Format::unsigned_integer, one.check.size(), one.is_big}, frame.data() + one.offset);
+  for (const Check& one : checks_) write_check(one, frame);
+}
+
+void FrameLayout::write_check(const Check& one, std::span<std::byte> frame) noexcept {
+  store_number(one.check.of(frame, one.ranges, one.extra, one.is_big),
+               {Format::unsigned_integer, one.check.size(), one.is_big}, frame.data() + one.offset);
 }
 
 bool FrameLayout::may_coincide(const FrameLayout& other) const noexcept {

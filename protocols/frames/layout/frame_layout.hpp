@@ -80,6 +80,7 @@ class FrameLayout final : public MessageLayout {
   // Returns the value in SI that a field of a frame has. The field is no clock that is an integer, counter or status.
   static double value_of(const Field& field, std::uint64_t bits) noexcept;
   void write_checks(std::span<std::byte> frame) const noexcept;
+  static void write_check(const Check& one, std::span<std::byte> frame) noexcept;
 
   std::vector<std::byte> template_;  // the constants; all other bits are 0
   std::vector<std::byte> constant_;  // the bits that are constant are 1

@@ -13,11 +13,6 @@ namespace {
 using Kind = TextPiece::Kind;
 using Source = FrameSource::Kind;
 
-std::string shortest(double number) {
-  char text[longest_shortest_text];
-  return {text, write_shortest(text, number)};
-}
-
 }  // namespace
 
 TextLayout::TextLayout(const FrameDescription& description, const FrameDescription::Message& message) {
@@ -134,7 +129,7 @@ void TextLayout::Compiler::make_rows() {
       row = {offset,
              size,
              piece.text.substr(colon + 1),
-             piece.lsb == 1 ? "" : shortest(piece.lsb),
+             piece.lsb == 1 ? "" : shortest_text(piece.lsb),
              piece.source.unit,
              piece.text.substr(0, colon)};
       if (!row.unit.empty())

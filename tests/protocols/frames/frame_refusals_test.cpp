@@ -44,6 +44,7 @@ TEST(FrameRefusals, ElementsThatCannotBe) {
       {"@a\nAA BB\nlength:u8/2:@a..@", "the range has 3 bytes"},
       {"@a\nAA\n_:300\nlength:u8:@a..@", "the type does not hold the length, 302"},
       {"@a\nAA\n@b\nlength:u8:@b..@a", "begins after its end"},
+      {"AA\ncheck:sum8:@d..\n@d\nalive_counter:u8", "without an end it ends at the check; @d..@ ends with the frame"},
       {"@a\nAA\ncheck:crc16/xmodm:@a..", "did you mean \"crc16/xmodem\"?"},
       {"@a\nAA\ncheck:crc16/xmodem:@a..@", "the range contains the check itself"},
       {"@a\nAA\ncheck:crc16/xmodem:@a", "a range is @FROM..@TO"},
@@ -140,6 +141,37 @@ TEST(FrameRefusals, ATestFrameMayHaveAnythingInUnusedBytes) {
   EXPECT_EQ(faults("AA 00 00 03 AD"), "");
   EXPECT_TRUE(contains(faults("AA 12 34 03 F4"), "differs at byte 4, in check sum8")) << faults("AA 12 34 03 F4");
   EXPECT_TRUE(contains(faults("AA 12 34 04 F4"), "differs at byte 3")) << faults("AA 12 34 04 F4");
+}
+
+// The check differs wherever anything else does: the other element is named. Of a wrong check those that fit are.
+TEST(FrameRefusals, ATestFrameThatDiffersSaysWhere) {
+  const auto faults = [](const std::string& check, const std::string& values, const std::string& more = "") {
+    return faults_of(one_message(
+        "55 AA\ncheck:" + check + "\n@data\nrate_x_deg_per_s:i16*0.01\n" + "rate_y_deg_per_s:i16*0.01" + more,
+        "test_frame = \"55 AA 33 FB E8 03 30 F8\"\ntest_values = {" + values + "}\n"));
+  };
+  const std::string right = "crc16/xmodem:@data..@ be", good = "rate_x_deg_per_s = 10, rate_y_deg_per_s = -20";
+  const std::pair<std::string, const char*> cases[] = {
+      {faults(right, "rate_x_deg_per_s = 10, rate_y_deg_per_s = 20"),
+       "in rate_y_deg_per_s (i16 le at 6): it has 30 F8, test_values give D0 07, which mean -20 and 20"},
+      {faults(right, "rate_x_deg_per_s = -10, rate_y_deg_per_s = 20"),
+       "differs at byte 4, in rate_x_deg_per_s (i16 le at 4): it has E8 03, test_values give 18 FC, which mean 10 "
+       "and -10; so do rate_y"},
+      {faults("crc16/xmodem:@data..@", good),
+       "differs at byte 2, in check crc16/xmodem of 4-7 (u16 le at 2): it has 33 FB, test_values give FB 33; over "
+       "this range crc16/xmodem be would be right"},
+      {faults("crc16/kermit:@data..@", good), "; over this range crc16/xmodem be would be right"},
+      {faults("crc16/xmodem:@data..@data+1 be", good), "there is no label"},
+      {faults("sum16:@data..@:+01 be", good),
+       "; no check that is known gives it over this range: try another range, or describe a CRC as [check.NAME]"},
+      {faults(right, good, "\nrate_z_deg_per_s:i16*0.01"),
+       "has 8 bytes, but the layout 10; they agree up to byte 8, in rate_z (i16 le at 8)"},
+      {faults_of(one_message("55 AA\nlength:u8:@data..@\n@data\nrate_x_deg_per_s:f32\nrate_y_deg_per_s:f32",
+                             "test_frame = \"55 AA 06 00 00 00 00 05 00\"\ntest_values = {rate_y_deg_per_s = 1}\n")),
+       "has 9 bytes, but the layout 11; they agree up to byte 7, in rate_y (f32 le at 7)"},
+  };
+  EXPECT_EQ(faults(right, good), "");
+  for (const auto& [got, wanted] : cases) EXPECT_TRUE(contains(got, wanted)) << got << "\n" << wanted;
 }
 
 }  // namespace
