@@ -190,7 +190,8 @@ constexpr DeviceCounter counters[] = {
     {"saturated_fields", "fields saturated",
      "a value is beyond the range of its field, and was sent as the nearest in it; see protocols/frames/README.md"},
     {"unknown_bytes", "bytes of the host that no request matched",
-     "the host has sent what the description has no [[request]] for; imud check prints those that it has"},
+     "the host has sent what the description has no [[request]] for, or one whose check is wrong; imud check prints "
+     "those that it has, and --record FILE keeps the bytes that came"},
     {"lost_answers", "answers for which there was no room"}};
 
 }  // namespace
