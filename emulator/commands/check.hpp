@@ -1,4 +1,4 @@
-// check: prints a description of a configuration's run, with the value of every key.
+// check: prints a description of a configuration's run, or the value of every key.
 #pragma once
 
 #include <cstdint>
@@ -25,7 +25,7 @@ struct CheckOptions {
 };
 
 // Loads a configuration as `imud run` does, and makes all of its parts on ports that are not opened. Reads the begin
-// of a capture (check_capture()). Prints a description of the run with the value of every key. Returns the exit code.
+// of a capture (check_capture()). Prints a description of the run, or the value of every key. Returns the exit code.
 // Throws ConfigError, PortError, or RequirementError, unless the layout is json.
 int check(const std::string& path, std::span<const std::string> overrides, const CheckOptions& options);
 

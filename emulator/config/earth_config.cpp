@@ -113,7 +113,8 @@ std::string earth_text(const TruthConfig& truth) {
     case EarthFrame::automatic:
       if (has_angle) return "the truth has places on the Earth";
       if (truth.frame.kind == Kind::unknown)
-        return "places are known if the truth has latitude and longitude, or a position relative to the Earth";
+        return "places, magnetic field and pressure are known if the truth has latitude and longitude or a position "
+               "relative to the Earth, or with [earth] frame = \"local\" and a place";
       return fmt::format("N is {}: places, magnetic field and pressure are unknown without [earth] frame = \"{}\"",
                          truth.frame.kind == Kind::local ? "a local level" : "inertial",
                          truth.frame.kind == Kind::local ? "local" : "inertial");
