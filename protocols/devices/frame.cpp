@@ -142,6 +142,14 @@ std::string when(const FrameMessage& message, const FrameDescription::Message& d
   return text;
 }
 
+// Every test frame was compared when the file was read.
+std::string agreement(const FrameDescription::Message& message) {
+  const std::size_t frames = message.tests.size();
+  return frames == 0   ? "no test_frame has been compared with it"
+         : frames == 1 ? "its test frame agrees"
+                       : fmt::format("its {} test frames agree", frames);
+}
+
 std::vector<std::string> layout_of(const Settings& settings) {
   const FrameDescription description = description_of(settings);
   std::vector<std::string> lines;
@@ -151,9 +159,10 @@ std::vector<std::string> layout_of(const Settings& settings) {
   std::size_t index = 0;
   for (const FrameMessage& message : frame_messages(description)) {
     const bool varies = std::ranges::any_of(message.layout->rows(), [](const auto& row) { return row.size == 0; });
-    lines.push_back(fmt::format("{}, message \"{}\": {}{} bytes, {}", description.name, message.name,
-                                varies ? "at most " : "", message.layout->longest(),
-                                when(message, description.messages[index++])));
+    const FrameDescription::Message& described = description.messages[index++];
+    lines.push_back(fmt::format("{}, message \"{}\": {}{} bytes, {}; {}", description.name, message.name,
+                                varies ? "at most " : "", message.layout->longest(), when(message, described),
+                                agreement(described)));
     const std::vector<MessageLayout::Row>& rows = message.layout->rows();
     std::size_t type = 4, lsb = 3, unit = 4;
     for (const MessageLayout::Row& row : rows) {

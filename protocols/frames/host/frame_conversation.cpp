@@ -151,7 +151,10 @@ std::vector<std::string> frame_request_rows(const FrameDescription& description)
     add_table(lines, rows);
   }
   if (!host.requests.empty()) {
-    lines.push_back(description.name + ", requests:");
+    std::size_t conversations = 0;
+    for (const Host::Request& one : host.requests) conversations += one.tests.size();
+    lines.push_back(description.name + ", requests; " + std::to_string(conversations) +
+                    (conversations == 1 ? " test conversation agrees:" : " test conversations agree:"));
     std::vector<Row> rows = {{"request", "effect", "answer"}};
     for (const Host::Request& one : host.requests) {
       rows.push_back({one.text ? one.text->text : elements(one.layout), effect_of(one), text_of(one.answer)});

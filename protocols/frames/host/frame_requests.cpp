@@ -203,6 +203,8 @@ void FrameRequests::add(const FrameDescription& description, const FrameHostDesc
     fault("otherwise", "the request captures no value that could be wrong");
   if (described.sets_captured && !captures_values)
     fault("set", "the request captures no value; give the values, as {NAME = VALUE}");
+  if (!described.sets_captured && captures_values)
+    fault("set", "missing: the request has a value of a setting, and changes nothing; give set = true");
   add_effects(description, described, request);
   all_.push_back(std::move(request));
 }

@@ -19,6 +19,7 @@ TEST(FrameRequestRefusals, KeysThatCannotBe) {
       {described("when = {ROTFMT = \"RATE\"}"), "when.ROTFMT: there is no setting \"ROTFMT\"; there are DR, FORM"},
       {described("when = {FORMS = \"RATE\"}"), "there is no setting \"FORMS\"; did you mean \"FORM\"?"},
       {described("when = {FORM = \"RATES\"}"), "RATES is no value of FORM; there are DELTA, RATE"},
+      {request("line = \"=DR,{DR}\"\n"), "set: missing: the request has a value of a setting"},
       {described("when = 1"), "give settings with their values, as {NAME = VALUE}"},
       {described("rate_hz = \"FORM\""), "the value DELTA of FORM is no rate; give Hz from 0.001 to 10000"},
       {described("rate_hz = \"HZ\""), "there is no setting \"HZ\""},
@@ -89,14 +90,14 @@ TEST(FrameRequestRefusals, TwoRequestsThatMatchTheSame) {
   const std::pair<std::string, std::string> same[] = {
       {"line = \"x\"", "line = \"x\""},
       {"line = \"x\"\nignore_case = true", "line = \"X\""},
-      {"line = \"={setting},{value}\"", "line = \"=DR,50\""},
-      {"line = \"=DR,50\"", "line = \"={setting},{value}\""},
-      {"line = \"={setting},{value}\"\notherwise = \"y\"", "line = \"=DR,7\""},
-      {"line = \"={setting},{value}\"\notherwise = \"y\"", "line = \"=DR,{any}\""},
+      {"line = \"={setting},{value}\"\nset = true", "line = \"=DR,50\""},
+      {"line = \"=DR,50\"", "line = \"={setting},{value}\"\nset = true"},
+      {"line = \"={setting},{value}\"\nset = true\notherwise = \"y\"", "line = \"=DR,7\""},
+      {"line = \"={setting},{value}\"\nset = true\notherwise = \"y\"", "line = \"=DR,{any}\""},
       {"line = \"{any}\"", "line = \"x\""},
       {"bytes = \"AA 01\"", "bytes = \"AA ??\""},
       {"bytes = \"AA\"", "bytes = \"AA 01\""},
-      {"layout = [\"AA\", \"{DR}:u8\"]", "bytes = \"AA 32\""},
+      {"layout = [\"AA\", \"{DR}:u8\"]\nset = true", "bytes = \"AA 32\""},
       {"line = \"go\"", "bytes = \"67 6F 0D\""},
   };
   for (const auto& [first, second] : same) {
@@ -105,8 +106,8 @@ TEST(FrameRequestRefusals, TwoRequestsThatMatchTheSame) {
     EXPECT_TRUE(contains(faults, "in line 9 matches, too")) << faults;
   }
   const std::pair<std::string, std::string> different[] = {
-      {"line = \"={setting},{value}\"\notherwise = \"y\"", "line = \"=CONFIG,1\""},
-      {"line = \"={setting},{value}\"", "line = \"=DR,7\""},
+      {"line = \"={setting},{value}\"\nset = true\notherwise = \"y\"", "line = \"=CONFIG,1\""},
+      {"line = \"={setting},{value}\"\nset = true", "line = \"=DR,7\""},
       {"line = \"x\"", "line = \"X\""},
       {"bytes = \"AA 01\"", "bytes = \"AA 02 ??\""},
       {"line = \"go\"", "bytes = \"67 70\""},
