@@ -186,6 +186,7 @@ Host::Request read_request(TableReader table, std::uint32_t line) {
   if (table.has("layout")) request.layout = read_elements(table, "layout", *table.node("layout"));
   request.ignores_case = table.flag("ignore_case", false);
   if (request.ignores_case && !is_line) table.fault("ignore_case", "only a line has letters");
+  if (table.has("when")) request.when = read_choices(table, "when", true);
   if (table.has("stream")) request.streams = table.flag("stream", false);
   if (table.has("set")) {
     if (table.node("set")->is_table())

@@ -113,6 +113,8 @@ std::string values_of(const Host::Setting& setting) {
 
 std::string effect_of(const Host::Request& request) {
   std::vector<std::string> words;
+  for (const Host::Choice& one : request.when)
+    words.push_back("while " + one.setting + " = " + joined(one.values, "/"));
   for (const Host::Choice& one : request.set) words.push_back(one.setting + " = " + one.values.front());
   if (request.sets_captured) words.push_back("sets it");
   if (request.restores) words.push_back("settings as delivered");

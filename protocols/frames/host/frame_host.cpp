@@ -61,7 +61,7 @@ std::size_t FrameHost::parse(std::span<const std::byte> held, DeviceTime now, Un
   const std::span<const FrameRequest> all = requests_->all();
   bool is_unfinished = false;
   for (std::size_t i = 0; i < all.size(); ++i) {
-    if (!all[i].bytes) continue;
+    if (!all[i].bytes || !all_hold(all[i].when, values_)) continue;
     FrameCaptures captures;
     const FrameLayout::Match match = all[i].bytes->match(held, requests_->settings(), captures);
     is_unfinished |= match == FrameLayout::Match::unfinished;
@@ -87,7 +87,9 @@ std::size_t FrameHost::parse_line(std::span<const std::byte> held, std::size_t s
   FrameCaptures captures;
   captures.line = {reinterpret_cast<const char*>(held.data()), size};
   for (std::size_t i = 0; i < all.size(); ++i) {
-    if (!all[i].text || !all[i].text->match(captures.line, requests_->settings(), captures)) continue;
+    if (!all[i].text || !all_hold(all[i].when, values_) ||
+        !all[i].text->match(captures.line, requests_->settings(), captures))
+      continue;
     if (!all[i].accepts(captures)) continue;
     execute(i, captures, now, unit, replies);
     return size + 1;

@@ -212,6 +212,9 @@ void FrameRequests::add(const FrameDescription& description, const FrameHostDesc
 void FrameRequests::add_effects(const FrameDescription& description, const FrameHostDescription::Request& described,
                                 FrameRequest& request) {
   const std::string place = "request \"" + request.title.substr(0, 40) + "\": ";
+  for (const FrameHostDescription::Choice& choice : described.when)
+    attempt(choice.line, place + "when." + choice.setting,
+            [&] { request.when.push_back(settings_.condition(choice)); });
   for (const FrameHostDescription::Choice& choice : described.set)
     attempt(choice.line, place + "set." + choice.setting, [&] {
       const std::size_t setting = settings_.at(choice.setting);
@@ -239,6 +242,7 @@ void FrameRequests::add_effects(const FrameDescription& description, const Frame
 std::string FrameRequests::overlap(std::size_t first, std::size_t second,
                                    std::span<const std::vector<std::string>> lines) const {
   const FrameRequest &a = all_[first], &b = all_[second];
+  if (exclude(a.when, b.when)) return "";
   if (a.bytes && b.bytes) return a.bytes->overlaps(*b.bytes) ? "the same bytes" : "";
   if (a.bytes) return overlap(second, first, lines);
   FrameCaptures captures;

@@ -59,6 +59,7 @@ struct FrameRequest {
   // One of the two.
   std::optional<FrameLine> text;
   std::optional<FrameBytes> bytes;
+  std::vector<FrameCondition> when;  // all must hold
   // The effects, in this order.
   std::vector<FrameChosen> set;
   bool sets_captured = false;

@@ -29,18 +29,22 @@ bool is_same_text(std::string_view a, std::string_view b, bool ignores_case) noe
   return std::ranges::equal(a, b, [](char x, char y) { return lower(x) == lower(y); });
 }
 
-bool FrameSwitch::is_on(std::span<const std::uint8_t> values) const noexcept {
-  if (!is_streamed || (rate && periods[values[*rate]].count() == 0)) return false;
+bool all_hold(std::span<const FrameCondition> conditions, std::span<const std::uint8_t> values) noexcept {
   return std::ranges::all_of(
-      when, [&](const FrameCondition& one) { return (one.values >> values[one.setting] & 1U) != 0; });
+      conditions, [&](const FrameCondition& one) { return (one.values >> values[one.setting] & 1U) != 0; });
 }
 
-bool FrameSwitch::excludes(const FrameSwitch& other) const noexcept {
-  return std::ranges::any_of(when, [&](const FrameCondition& one) {
-    return std::ranges::any_of(other.when, [&](const FrameCondition& two) {
+bool exclude(std::span<const FrameCondition> some, std::span<const FrameCondition> others) noexcept {
+  return std::ranges::any_of(some, [&](const FrameCondition& one) {
+    return std::ranges::any_of(others, [&](const FrameCondition& two) {
       return one.setting == two.setting && (one.values & two.values) == 0;
     });
   });
+}
+
+bool FrameSwitch::is_on(std::span<const std::uint8_t> values) const noexcept {
+  if (!is_streamed || (rate && periods[values[*rate]].count() == 0)) return false;
+  return all_hold(when, values);
 }
 
 FrameSettings::FrameSettings(const FrameDescription& description) : all_(description.host.settings) {

@@ -30,6 +30,11 @@ struct FrameCondition {
   std::uint64_t values = 0;
 };
 
+// Returns true if all conditions hold with these values of all settings.
+bool all_hold(std::span<const FrameCondition> conditions, std::span<const std::uint8_t> values) noexcept;
+// Returns true if no values of the settings let all conditions of both hold.
+bool exclude(std::span<const FrameCondition> some, std::span<const FrameCondition> others) noexcept;
+
 // When a message is sent, as far as settings decide.
 struct FrameSwitch {
   std::vector<FrameCondition> when;  // all must hold
@@ -40,7 +45,7 @@ struct FrameSwitch {
   // Returns true if the message is streamed with these values of all settings.
   bool is_on(std::span<const std::uint8_t> values) const noexcept;
   // Returns true if no values of the settings let both be sent.
-  bool excludes(const FrameSwitch& other) const noexcept;
+  bool excludes(const FrameSwitch& other) const noexcept { return exclude(when, other.when); }
   bool is_always_on() const noexcept { return is_streamed && when.empty() && !rate; }
 };
 

@@ -54,6 +54,7 @@ struct FrameHostDescription {
     std::optional<Text> text;  // a line; absent: `layout` has the bytes
     bool ignores_case = false;
     std::vector<Text> layout;
+    std::vector<Choice> when;  // understood while all of these hold
 
     std::optional<bool> streams;  // switches the stream on or off
     bool sets_captured = false;
