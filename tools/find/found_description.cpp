@@ -8,6 +8,7 @@
 #include <set>
 
 #include "protocols/wire/byte_text.hpp"
+#include "tools/find/frame_checks.hpp"
 
 namespace imud {
 namespace {
@@ -98,19 +99,10 @@ class MessageText {
   // A frame whose checks all agree, from the middle of the stream; empty if there is none.
   Stream good_frame() const {
     const auto frames = frames_of(message_, stream_);
+    const FrameChecks checks(message_);
     for (std::size_t i = 0; i < frames.size(); ++i) {
       const Stream frame = frames[(i + frames.size() / 2) % frames.size()];
-      bool is_good = true;
-      for (const FoundCheck& check : message_.checks) {
-        std::vector<FrameDescription::Check> own;
-        const FoundCheck::Form& form = check.forms.front();
-        if (form.own) own.push_back({"own", *form.own});
-        const auto known = FrameCheck::find(form.own ? "own" : form.name, own);
-        const std::uint64_t mask = ~std::uint64_t{0} >> (64 - 8 * check.size);
-        is_good = is_good && known &&
-                  (known->of(frame, check.ranges_of(form), form.extra, check.is_big) & mask) ==
-                      number_at(frame, check.at, check.size, check.is_big);
-      }
+      bool is_good = checks.hold(frame);
       for (std::size_t at = 0; at < message_.length; ++at)
         is_good = is_good && (!is_fixed_[at] || frame[at] == message_.usual[at]);
       if (is_good) return frame;
