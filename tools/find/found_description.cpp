@@ -303,7 +303,7 @@ std::string describe_frames(const FoundFrames& found, Stream stream, const Descr
       "# The beginning of a description, from {}: {:.1f} % of {} bytes are in frames. Give name and document, and\n"
       "# the meaning of what is _:N; then compare `imud check`'s table with what is known of the unit.\n",
       text.source, 100 * found.coverage, stream.size());
-  if (!found.other_begins.empty() && !found.is_checked) {
+  if (!found.other_begins.empty()) {
     out += "# Where a frame begins is not decided: as good are";
     constexpr std::size_t most = 8;
     for (std::size_t i = 0; i < std::min(most, found.other_begins.size()); ++i)

@@ -13,8 +13,9 @@ namespace {
 
 using Stream = std::span<const std::byte>;
 
-constexpr std::size_t most_frames = 20'000;  // of a message, that are looked at
+constexpr std::size_t most_frames = 200'000;  // of a message, that are looked at
 constexpr std::size_t longest_header = 4;
+constexpr std::size_t longest_end = 2;     // constant bytes behind a check
 constexpr std::size_t nearest_begin = 16;  // bytes before an anchor, with frames of several lengths
 
 // Windows of `before` bytes and a frame, of the places that have them.
@@ -72,9 +73,21 @@ std::tuple<double, int> rate_begin(const Trial& trial, std::size_t begin, Stream
     for (const FoundCheck& check : trial.checks[k])
       if (const auto by = moved(check, begin, length, is_cyclic)) {
         inside += static_cast<double>(check.size) * check.share;
-        const std::size_t end = std::max(check.at + check.size, check.ranges.back().second);
-        if (static_cast<std::ptrdiff_t>(end) + *by == static_cast<std::ptrdiff_t>(length) && is_whole(check))
-          looks += 6;
+        if (!is_whole(check)) continue;
+        const auto in_frame = [by](std::size_t at) {
+          return static_cast<std::size_t>(static_cast<std::ptrdiff_t>(at) + *by);
+        };
+        const std::size_t end = in_frame(std::max(check.at + check.size, check.ranges.back().second));
+        if (end == length) looks += 6;
+        // Or constant bytes end the frame.
+        const bool is_ended = end < length && length - end <= longest_end && [&] {
+          for (std::size_t at = end; at < length; ++at)
+            if (!trial.searches[k].is_constant(begin + at)) return false;
+          return true;
+        }();
+        if (is_ended) looks += 5;
+        if (std::ranges::any_of(check.forms, [&](const FoundCheck::Form& form) { return in_frame(form.begin) == 0; }))
+          ++looks;
       }
   }
   // The beginning has constant bytes, which are no high bytes of numbers.
@@ -91,7 +104,8 @@ std::tuple<double, int> rate_begin(const Trial& trial, std::size_t begin, Stream
   // A capture often begins with a frame.
   std::size_t earliest = stream.size();
   for (const FrameSplit::Kind& kind : trial.split.kinds) earliest = std::min(earliest, kind.places.front().at);
-  looks += earliest + begin == trial.before || earliest + begin == trial.before + trial.split.kinds.front().length;
+  if (earliest + begin == trial.before || earliest + begin == trial.before + trial.split.kinds.front().length)
+    looks += 3;
   return {inside, looks};
 }
 

@@ -110,6 +110,26 @@ TEST(FrameFinder, FindsWhereFramesBegin) {
   }
 }
 
+// Constant bytes that end text or mark an end, and could be no header, do not begin a frame.
+TEST(FrameFinder, FindsFramesThatConstantBytesEnd) {
+  for (const char* elements :
+       {"@begin\n55 "
+        "AA\nalive_counter:u8\nrate_x_deg_per_s:i16*0.01\nspecific_force_z_mg:i16\nrate_y_deg_per_s:i16*0.01\n"
+        "check:sum8:@begin..\n",
+        "55 AA\n@begin\nalive_counter:u8\nrate_x_deg_per_s:i16*0.01\nspecific_force_z_mg:i16\n"
+        "check:crc16/xmodem:@begin..\n",
+        "55 AA\n@begin\nrate_x_deg_per_s:i16*0.01\nspecific_force_z_mg:i16\nspecific_force_y_mg:i16\n"})
+    for (const char* end : {"0D", "0D 0A", "03", ""}) {
+      SCOPED_TRACE(std::string(elements) + end);
+      Line line = frame_line(one_message(std::string(elements) + end));
+      const Capture capture = capture_of(line, handled_samples(Handling::turned, 400, 100));
+      const auto found = find_frames(capture.bytes);
+      ASSERT_TRUE(found);
+      ASSERT_EQ(found->messages.size(), 1U);
+      EXPECT_EQ(found->messages[0].frames.front().at, 0U);
+    }
+}
+
 struct Product {
   const char *name, *settings;
   double rate_hz;
