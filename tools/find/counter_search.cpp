@@ -25,12 +25,14 @@ struct Number {
 using Pairs = std::vector<std::pair<Stream, Stream>>;
 
 // Frames of other messages may stand between both.
-Pairs pairs_of(const FoundMessage& message, Stream stream) {
+Pairs pairs_of(const FoundMessage& message, Stream stream, std::size_t joint) {
   Pairs pairs;
   const std::size_t count = std::min(message.frames.size(), most_compared);
-  for (std::size_t i = 1; i < count; ++i)
+  for (std::size_t i = 1; i < count; ++i) {
+    if (message.frames[i - 1].at < joint && message.frames[i].at >= joint) continue;
     pairs.emplace_back(stream.subspan(message.frames[i - 1].at, message.length),
                        stream.subspan(message.frames[i].at, message.length));
+  }
   return pairs;
 }
 
@@ -126,8 +128,8 @@ void lengthen(FoundCounter& one, const FoundMessage& message, IsFree is_free) {
 
 }  // namespace
 
-std::vector<FoundCounter> find_counters(const FoundMessage& message, Stream stream) {
-  const Pairs pairs = pairs_of(message, stream);
+std::vector<FoundCounter> find_counters(const FoundMessage& message, Stream stream, std::size_t joint) {
+  const Pairs pairs = pairs_of(message, stream, joint);
   constexpr std::size_t fewest = 8;
   if (pairs.size() < fewest) return {};
   std::vector<bool> is_taken(message.length);

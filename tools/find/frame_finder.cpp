@@ -293,7 +293,7 @@ std::vector<Stream> frames_of(const FoundMessage& message, Stream stream) {
   return frames;
 }
 
-std::optional<FoundFrames> find_frames(Stream stream) {
+std::optional<FoundFrames> find_frames(Stream stream, std::size_t joint) {
   const std::vector<FrameSplit> splits = find_splits(stream);
   std::optional<Trial> best;
   for (const Depth depth : {Depth::behind_range, Depth::before_range, Depth::unknown}) {
@@ -325,7 +325,7 @@ std::optional<FoundFrames> find_frames(Stream stream) {
         message.checks.push_back(std::move(*inside));
     std::ranges::sort(message.checks, {}, &FoundCheck::at);
     find_header(message);
-    message.counters = find_counters(message, stream);
+    message.counters = find_counters(message, stream, joint);
     found.messages.push_back(std::move(message));
   }
   std::ranges::sort(found.messages, {}, [](const FoundMessage& message) { return message.frames.front().at; });

@@ -53,8 +53,9 @@ struct FoundFrames {
   std::vector<std::size_t> other_begins;
 };
 
-// Returns the messages of the stream; nullopt if no frame repeats.
-std::optional<FoundFrames> find_frames(std::span<const std::byte> stream);
+// Returns the messages of the stream; nullopt if no frame repeats. `joint`: where a second capture begins; 0: there
+// is none.
+std::optional<FoundFrames> find_frames(std::span<const std::byte> stream, std::size_t joint = 0);
 
 // The rate of the most frequent messages that a clock in them suggests, if its unit is 1 s, 1 ms, 1 us or 1 ns and
 // the rate a usual one; 0: no clock does.
@@ -66,6 +67,7 @@ std::vector<std::span<const std::byte>> frames_of(const FoundMessage& message, s
 // Finds the length field of the messages.
 void find_lengths(std::vector<FoundMessage>& messages);
 // Finds counters and clocks in the bytes that are neither constant nor part of a check.
-std::vector<FoundCounter> find_counters(const FoundMessage& message, std::span<const std::byte> stream);
+std::vector<FoundCounter> find_counters(const FoundMessage& message, std::span<const std::byte> stream,
+                                        std::size_t joint);
 
 }  // namespace imud

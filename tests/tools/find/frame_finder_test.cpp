@@ -130,6 +130,19 @@ TEST(FrameFinder, FindsFramesThatConstantBytesEnd) {
     }
 }
 
+// Two captures of one sensor: a counter that begins again in the second one has no modulus.
+TEST(FrameFinder, CountsInEachOfTwoCaptures) {
+  const Capture one = shipped_capture("dmu", Handling::turned, 400);
+  std::vector<std::byte> both = one.bytes;
+  both.insert(both.end(), one.bytes.begin(), one.bytes.end());
+  const auto found = find_frames(both, one.bytes.size());
+  ASSERT_TRUE(found);
+  ASSERT_EQ(found->messages.size(), 1U);
+  ASSERT_FALSE(found->messages[0].counters.empty());
+  EXPECT_EQ(found->messages[0].counters[0].modulus, 0U);
+  EXPECT_EQ(found->messages[0].counters[0].share, 1);
+}
+
 struct Product {
   const char *name, *settings;
   double rate_hz;
