@@ -9,6 +9,7 @@
 
 #include "protocols/wire/byte_text.hpp"
 #include "tools/find/frame_checks.hpp"
+#include "tools/find/handled_frames.hpp"
 
 namespace imud {
 namespace {
@@ -47,6 +48,7 @@ class MessageText {
     for (std::size_t i = 0; i < message_.checks.size(); ++i) add_check(message_.checks[i], own);
     if (message_.length_field) add_length(*message_.length_field);
     add_counters();
+    add_fields();
     add_constants();
     std::string out = remarks_;
     out += fmt::format("[[message]]\nname = \"message {}\"\n", index_ + 1);
@@ -94,6 +96,15 @@ class MessageText {
   }
   void add_value(const std::string& name, double value) {
     values_ += fmt::format("{}{} = {}", values_.empty() ? "" : ", ", name, value);
+  }
+  // The same of a field: products of a few digits have a few digits.
+  void add_value(const FoundField& field) {
+    const double value = (field.is_negative ? -1 : 1) * (field.lsb_value * value_in(frame_, field.at, field.type));
+    constexpr std::size_t few_bytes = 4;
+    if (field.type.is_float() || field.type.bytes > few_bytes)
+      add_value(field.name, value);
+    else
+      values_ += fmt::format("{}{} = {:.13g}", values_.empty() ? "" : ", ", field.name, value);
   }
 
   // A frame whose checks all agree, from the middle of the stream; empty if there is none.
@@ -228,6 +239,24 @@ class MessageText {
     else
       add_value(name, static_cast<double>(number_at(frame_, one.at, one.size, one.is_big)) * lsb_ns);
     return unit;
+  }
+
+  void add_fields() {
+    for (const FoundField& field : message_.fields) {
+      const bool is_unsigned = field.type.format == FrameNumber::Format::unsigned_integer;
+      const std::string type = fmt::format("{}{}",
+                                           field.type.is_float() ? "f"
+                                           : is_unsigned         ? "u"
+                                                                 : "i",
+                                           8 * field.type.bytes);
+      add(field.at, field.type.bytes,
+          fmt::format("{}{}:{}{}{}{}", field.is_negative ? "-" : "", field.name, type,
+                      field.lsb == "1" ? "" : "*" + field.lsb,
+                      field.offset == 0 ? "" : fmt::format("{:+}", field.offset),
+                      order_text(field.type.bytes, field.type.is_big)));
+      if (!frame_.empty()) add_value(field);
+    }
+    for (const std::string& note : message_.notes) remark(note);
   }
 
   // The header, and the bytes behind it that tell this message from the others.

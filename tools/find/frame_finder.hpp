@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "protocols/frames/layout/frame_number.hpp"
 #include "tools/find/check_search.hpp"
 #include "tools/find/frame_split.hpp"
 
@@ -34,6 +35,17 @@ struct FoundCounter {
   bool is_counter() const noexcept { return !is_float && step == 1; }
 };
 
+// A number with a meaning.
+struct FoundField {
+  std::size_t at = 0;  // byte
+  FrameNumber type = {};
+  std::string name = {};     // the quantity with its unit: "rate_x_deg_per_s"
+  bool is_negative = false;  // the number is the quantity's negative
+  std::string lsb = {};      // in the syntax of a description
+  double lsb_value = 1;      // in the unit
+  double offset = 0;         // in the unit
+};
+
 struct FoundMessage {
   std::size_t length = 0;
   std::vector<FrameSplit::Place> frames;  // their first bytes
@@ -43,6 +55,8 @@ struct FoundMessage {
   std::vector<FoundCheck> checks;         // by their places
   std::optional<FoundLength> length_field;
   std::vector<FoundCounter> counters;  // by their places
+  std::vector<FoundField> fields;      // by find_fields
+  std::vector<std::string> notes;      // the evidence for them, and for what may be others: lines for people
 };
 
 struct FoundFrames {
