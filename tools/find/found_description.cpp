@@ -7,6 +7,7 @@
 #include <map>
 #include <set>
 
+#include "protocols/frames/layout/frame_escape.hpp"
 #include "protocols/wire/byte_text.hpp"
 #include "tools/find/frame_checks.hpp"
 #include "tools/find/handled_frames.hpp"
@@ -341,6 +342,7 @@ std::string describe_frames(const FoundFrames& found, Stream stream, const Descr
   }
   for (const std::string& line : text.remarks) out += "# " + line + "\n";
   out += "frame_version = 1\nname = \"unknown\"\n";
+  if (text.escape != FrameEscape::none) out += fmt::format("escape = \"{}\"\n", escape_name(text.escape));
   for (std::size_t i = 0; i < own.size(); ++i) {
     const CrcParameters& one = own[i];
     out += fmt::format(

@@ -6,14 +6,16 @@
 #include <string>
 #include <vector>
 
+#include "protocols/frames/layout/frame_description.hpp"
 #include "tools/find/frame_finder.hpp"
 
 namespace imud {
 
 struct DescriptionText {
-  std::string source;                     // of the capture, for people
-  double rate_hz = 0;                     // of the messages that are sent most often; 0: not known
-  std::vector<std::string> remarks = {};  // lines for people
+  std::string source;                      // of the capture, for people
+  double rate_hz = 0;                      // of the messages that are sent most often; 0: not known
+  std::vector<std::string> remarks = {};   // lines for people
+  FrameEscape escape = FrameEscape::none;  // that was removed from the stream
 };
 
 // Returns the description, with a test frame for each message. Bytes whose meaning is not known are `_:N`. Comments

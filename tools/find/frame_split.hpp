@@ -6,7 +6,7 @@
 // stream is divided by it.
 //
 // Limits: frames of 5 to 1024 bytes, at most 64 lengths; at least 8 frames of a length, and a fiftieth of the most
-// frequent frames; a stream of text lines or with escaped bytes is not understood.
+// frequent frames; text and escapes are not understood.
 #pragma once
 
 #include <cstddef>
