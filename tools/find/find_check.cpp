@@ -6,6 +6,8 @@
 #include <cstdio>
 
 #include "protocols/protocol.hpp"
+#include "tools/find/capture_kind.hpp"
+#include "tools/find/field_search.hpp"
 #include "tools/find/found_description.hpp"
 #include "tools/input/measurement_input.hpp"
 #include "tools/program.hpp"
@@ -51,6 +53,11 @@ void add_find_options(CLI::App& app, FindOptions& options) {
       "in place of PROTOCOL and PORT: finds frames, checks, lengths and counters in the bytes of an unknown sensor, "
       "and\n"
       "prints the beginning of its description for protocol frame; FILE may be a port");
+  add(app, "--turned", options.turned, "FILE",
+      "with --find-check FILE, which is at rest: a second capture of the sensor while it is turned by hand about "
+      "all\n"
+      "axes; finds specific forces and rates by gravity")
+      ->needs("--find-check");
 }
 
 std::vector<std::byte> read_capture(const std::string& capture, double for_s, std::size_t most) {
@@ -75,9 +82,23 @@ std::vector<std::byte> read_capture(const std::string& capture, double for_s, st
 }
 
 int find_check(const FindOptions& options, double for_s, double rate_hz, bool& running) {
-  const std::vector<std::byte> stream = read_capture(options.capture, for_s, most_bytes);
+  // The capture in motion is the first: its bytes vary, and frames are found by the bytes that do not.
+  std::vector<std::byte> stream, rest = read_capture(options.capture, for_s, most_bytes);
+  if (!options.turned.empty()) stream = read_capture(options.turned, for_s, most_bytes);
+  const std::string lines = describe_lines(rest, options.capture);
   running = true;
-  const auto found = find_frames(stream);
+  if (!lines.empty()) {
+    std::fputs(lines.c_str(), stdout);
+    return 0;
+  }
+  const std::optional<FrameEscape> escape = find_escape(stream.empty() ? rest : stream);
+  if (escape) {
+    stream = without_escape(stream, *escape);
+    rest = without_escape(rest, *escape);
+  }
+  const std::size_t turned_bytes = stream.size();
+  stream.insert(stream.end(), rest.begin(), rest.end());
+  auto found = find_frames(stream, turned_bytes);
   if (!found) {
     fmt::print(
         stderr,
@@ -87,12 +108,17 @@ int find_check(const FindOptions& options, double for_s, double rate_hz, bool& r
     return failed;
   }
   DescriptionText text{options.capture, rate_hz};
+  if (escape) text.escape = *escape;
+  if (!options.turned.empty()) text.source += " and " + options.turned;
   if (!(rate_hz > 0)) {
     text.rate_hz = suggested_rate(*found);
     if (text.rate_hz > 0)
       text.remarks.push_back(fmt::format(
           "A rate of {} Hz is assumed: then a clock has a usual unit. Give --rate-hz to decide it.", text.rate_hz));
   }
+  if (!options.turned.empty())
+    for (std::string& line : find_fields(*found, stream, turned_bytes, text.rate_hz))
+      text.remarks.push_back(std::move(line));
   std::fputs(describe_frames(*found, stream, text).c_str(), stdout);
   return 0;
 }

@@ -10,9 +10,10 @@ namespace imud {
 
 struct FindOptions {
   std::string capture;  // a port, or a file of bytes; "-" is standard input
+  std::string turned;   // the same of the sensor while it is turned by hand; empty: there is none
 };
 
-// Adds --find-check to a command line. `options` stays where it is.
+// Adds --find-check and --turned to a command line. `options` stays where it is.
 void add_find_options(CLI::App& app, FindOptions& options);
 
 // Reads at most `most` bytes of a capture, or as many as arrive in `for_s` seconds. Throws std::invalid_argument if
