@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <vector>
 
 #include "core/clock/oscillator.hpp"
 #include "core/clock/stamp_error.hpp"
@@ -68,6 +69,7 @@ struct ImuModel {
   Vector3 current_field_sigma = Vector3::Zero();  // T/A, standard deviation from unit to unit, not negative
   BarometerErrors barometer;
   NavigationErrors navigation;
+  std::vector<Cause> causes;  // of correlations between the drawn errors of the three triads; of different names
 };
 
 // Returns the period of the internal samples, s.

@@ -39,15 +39,16 @@ Imu::Imu(const ImuModel& model, std::uint64_t seed, std::uint32_t stream)
       unit_normals_(normals_),
       power_on_normals_(normals_),
       vibration_(model.vibration, normals_),
-      gyro_(in_vibration(drawn_errors(model.gyro, Quantity::rate, normals_, normals_, 0), vibration_), Quantity::rate,
-            internal_period_s(model)),
-      accelerometer_(in_vibration(drawn_errors(model.accelerometer, Quantity::specific_force, normals_, normals_, 0),
+      gyro_(in_vibration(drawn_errors(model.gyro, Quantity::rate, normals_, normals_, 0, model.causes), vibration_),
+            Quantity::rate, internal_period_s(model)),
+      accelerometer_(in_vibration(drawn_errors(model.accelerometer, Quantity::specific_force, normals_, normals_, 0,
+                                               model.causes),
                                   vibration_),
                      Quantity::specific_force, internal_period_s(model)),
       size_effect_(model.accelerometer_positions, model_.dcm_PB),
       earth_(model.earth),
       rest_(model.earth),
-      magnetometer_(drawn_errors(model.magnetometer, Quantity::magnetic_field, normals_, normals_, 0),
+      magnetometer_(drawn_errors(model.magnetometer, Quantity::magnetic_field, normals_, normals_, 0, model.causes),
                     Quantity::magnetic_field, 1.0 / model.rate_hz),
       temperature_(model.temperature, model.temperature_c),
       barometer_(model.barometer, 1.0 / model.rate_hz),
@@ -98,9 +99,10 @@ void Imu::power_on(std::uint64_t number) noexcept {
 
 void Imu::draw_constants() noexcept {
   const auto draw = [this](Triad& triad, const TriadErrors& errors, Quantity quantity) {
-    if (errors.unit_sigma.is_on() || errors.turn_on_sigma.is_on())
+    if (errors.unit_sigma.is_on() || errors.turn_on_sigma.is_on() || !model_.causes.empty())
       triad.set_constants(
-          in_vibration(drawn_errors(errors, quantity, unit_normals_, power_on_normals_, power_ons_), vibration_),
+          in_vibration(drawn_errors(errors, quantity, unit_normals_, power_on_normals_, power_ons_, model_.causes),
+                       vibration_),
           quantity);
   };
   draw(gyro_, model_.gyro, Quantity::rate);
@@ -115,7 +117,7 @@ void Imu::set_bias(Quantity quantity, const Vector3& bias) noexcept {
   (is_rate    ? gyro_
    : is_force ? accelerometer_
               : magnetometer_)
-      .set_bias(bias + drawn_for_unit(errors, quantity, unit_normals_).bias);
+      .set_bias(drawn_errors(errors, quantity, unit_normals_, power_on_normals_, power_ons_, model_.causes).bias);
 }
 
 const Vector3& Imu::bias(Quantity quantity) const noexcept {

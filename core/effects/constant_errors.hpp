@@ -1,12 +1,18 @@
 // ConstantErrors: errors that are constant while the power is on, as they are added to the members of TriadErrors
-// that have the same names; or their standard deviations.
+// that have the same names; or their standard deviations. Cause: why some of them are correlated.
 #pragma once
 
+#include <array>
+#include <cstdint>
+#include <string>
+#include <string_view>
+
+#include "core/numbers/random.hpp"
 #include "core/vector.hpp"
 
 namespace imud {
 
-// u is the unit of TriadErrors. Each element has a draw of its own.
+// u is the unit of TriadErrors. Each element has a draw of its own, of which a Cause may determine a part.
 struct ConstantErrors {
   Vector3 bias = Vector3::Zero();                    // u
   Vector3 scale_factor = Vector3::Zero();            // 1
@@ -23,12 +29,76 @@ struct ConstantErrors {
   Matrix3 cross_sensitivity = Matrix3::Zero();        // u/(m/s^2)^2
   Matrix3 vibration_rectification = Matrix3::Zero();  // u/(m/s^2)^2
 
-  bool is_on() const noexcept {
-    return !(bias.isZero(0.0) && scale_factor.isZero(0.0) && scale_factor_asymmetry.isZero(0.0) &&
-             quadratic.isZero(0.0) && cubic.isZero(0.0) && misalignment.isZero(0.0) && g_sensitivity.isZero(0.0) &&
-             temperature_scale.isZero(0.0) && temperature_bias.isZero(0.0) && temperature_rate_bias.isZero(0.0) &&
-             temperature_hysteresis.isZero(0.0) && cross_sensitivity.isZero(0.0) &&
-             vibration_rectification.isZero(0.0));
+  bool is_on() const noexcept;
+};
+
+// The names of the members, in the order of their declaration.
+inline constexpr std::array<std::string_view, 13> constant_error_names = {"bias",
+                                                                          "scale_factor",
+                                                                          "scale_factor_asymmetry",
+                                                                          "quadratic",
+                                                                          "cubic",
+                                                                          "misalignment",
+                                                                          "g_sensitivity",
+                                                                          "temperature_scale",
+                                                                          "temperature_bias",
+                                                                          "temperature_rate_bias",
+                                                                          "temperature_hysteresis",
+                                                                          "cross_sensitivity",
+                                                                          "vibration_rectification"};
+
+// Calls f with the members of the same name, in that order. `Errors` are ConstantErrors or TriadErrors.
+template <class F, class... Errors>
+void for_each_constant(F&& f, Errors&... errors) {
+  f(errors.bias...);
+  f(errors.scale_factor...);
+  f(errors.scale_factor_asymmetry...);
+  f(errors.quadratic...);
+  f(errors.cubic...);
+  f(errors.misalignment...);
+  f(errors.g_sensitivity...);
+  f(errors.temperature_scale...);
+  f(errors.temperature_bias...);
+  f(errors.temperature_rate_bias...);
+  f(errors.temperature_hysteresis...);
+  f(errors.cross_sensitivity...);
+  f(errors.vibration_rectification...);
+}
+
+inline bool ConstantErrors::is_on() const noexcept {
+  bool is_zero = true;
+  for_each_constant([&](const auto& term) { is_zero = is_zero && term.isZero(0.0); }, *this);
+  return !is_zero;
+}
+
+// When errors are drawn: once for a unit, or at each power on.
+enum class DrawnLayer : std::uint8_t { unit, turn_on };
+
+// A cause that drawn errors of one layer share, such as the stress of a package. An element of standard deviation
+// sigma and loads r_j by the causes c_j is
+//   sigma (sqrt(1 - sum of r_j^2) n + sum of r_j c_j),   n, c_j ~ N(0, 1), independent
+// so that its mean and its standard deviation are as without causes, and the correlation of two elements is the sum
+// of the products of their loads. (The orthogonal factor model: Johnson and Wichern, Applied Multivariate Statistical
+// Analysis, 6th ed., section 9.2.)
+struct Cause {
+  std::string name;
+  DrawnLayer layer = DrawnLayer::unit;
+  bool is_per_axis = false;  // each axis has a deviate of its own, for the rows of matrices, too; else all have one
+  // The loads, -1 to 1; the squares of an element's loads by all causes add up to at most 1. The bias of a power on
+  // is TriadErrors::turn_on_bias.
+  ConstantErrors gyro, accelerometer, magnetometer;
+
+  // Returns the loads of the triad that measures this quantity.
+  const ConstantErrors& loads(Quantity quantity) const noexcept {
+    return quantity == Quantity::rate ? gyro : quantity == Quantity::specific_force ? accelerometer : magnetometer;
+  }
+  // Returns the deviates of the axes. `number` counts the power ons from 0, and does not matter to a unit's.
+  Vector3 drawn(const Normals& normals, std::uint64_t number) const noexcept {
+    const bool is_of_unit = layer == DrawnLayer::unit;
+    const Process process = is_of_unit ? Process::unit_cause : Process::turn_on_cause;
+    const std::uint64_t power_on = is_of_unit ? 0 : number;
+    const Vector3 deviates = normals(Quantity::rate, process, (power_on << 32U) + stream_id(name));
+    return is_per_axis ? deviates : Vector3::Constant(deviates.x());
   }
 };
 

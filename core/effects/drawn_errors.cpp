@@ -55,38 +55,72 @@ struct Draws {
   }
 };
 
+// The factor of an element's own deviate, by the sum of its squared loads.
+template <class Squares>
+auto own_part(const Squares& squares) noexcept {
+  return (1 - squares.array()).max(0.0).sqrt();
+}
+
+// The sums over the causes of a layer.
+struct Shares {
+  ConstantErrors squares;  // of the loads
+  ConstantErrors sums;     // of load times deviate
+
+  Shares(std::span<const Cause> causes, DrawnLayer layer, Quantity quantity, const Normals& normals,
+         std::uint64_t number) noexcept {
+    for (const Cause& cause : causes) {
+      if (cause.layer != layer) continue;
+      const Vector3 drawn = cause.drawn(normals, number);
+      const auto add = [&](auto& square, auto& sum, const auto& load) {
+        square += load.cwiseAbs2();
+        sum += drawn.asDiagonal() * load;
+      };
+      for_each_constant(add, squares, sums, cause.loads(quantity));
+    }
+  }
+  // Turns errors that were drawn without causes into those with them.
+  void apply(const ConstantErrors& sigma, ConstantErrors& drawn) const noexcept {
+    const auto share = [](auto& term, const auto& deviation, const auto& square, const auto& sum) {
+      term = (own_part(square) * term.array() + deviation.array() * sum.array()).matrix().eval();
+    };
+    for_each_constant(share, drawn, sigma, squares, sums);
+  }
+};
+
 void add(const ConstantErrors& drawn, TriadErrors& errors) noexcept {
-  errors.bias += drawn.bias;
-  errors.scale_factor += drawn.scale_factor;
-  errors.scale_factor_asymmetry += drawn.scale_factor_asymmetry;
-  errors.quadratic += drawn.quadratic;
-  errors.cubic += drawn.cubic;
-  errors.misalignment += drawn.misalignment;
-  errors.g_sensitivity += drawn.g_sensitivity;
-  errors.temperature_scale += drawn.temperature_scale;
-  errors.temperature_bias += drawn.temperature_bias;
-  errors.temperature_rate_bias += drawn.temperature_rate_bias;
-  errors.temperature_hysteresis += drawn.temperature_hysteresis;
-  errors.cross_sensitivity += drawn.cross_sensitivity;
-  errors.vibration_rectification += drawn.vibration_rectification;
+  for_each_constant([](auto& term, const auto& draw) { term += draw; }, errors, drawn);
 }
 
 }  // namespace
 
-ConstantErrors drawn_for_unit(const TriadErrors& errors, Quantity quantity, const Normals& normals) noexcept {
-  return Draws{normals, quantity, Process::unit_draw}.all(errors.unit_sigma);
+ConstantErrors drawn_for_unit(const TriadErrors& errors, Quantity quantity, const Normals& normals,
+                              std::span<const Cause> causes) noexcept {
+  ConstantErrors drawn = Draws{normals, quantity, Process::unit_draw}.all(errors.unit_sigma);
+  if (!causes.empty()) Shares(causes, DrawnLayer::unit, quantity, normals, 0).apply(errors.unit_sigma, drawn);
+  return drawn;
 }
 
 ConstantErrors drawn_at_power_on(const TriadErrors& errors, Quantity quantity, const Normals& normals,
-                                 std::uint64_t number) noexcept {
-  return Draws{normals, quantity, Process::turn_on_draw, number * draws_of_a_power_on}.all(errors.turn_on_sigma);
+                                 std::uint64_t number, std::span<const Cause> causes) noexcept {
+  ConstantErrors drawn =
+      Draws{normals, quantity, Process::turn_on_draw, number * draws_of_a_power_on}.all(errors.turn_on_sigma);
+  if (causes.empty()) return drawn;
+  ConstantErrors sigma = errors.turn_on_sigma;
+  sigma.bias = errors.turn_on_bias;
+  Shares(causes, DrawnLayer::turn_on, quantity, normals, number).apply(sigma, drawn);
+  return drawn;
 }
 
 TriadErrors drawn_errors(const TriadErrors& errors, Quantity quantity, const Normals& of_unit,
-                         const Normals& of_power_on, std::uint64_t number) noexcept {
+                         const Normals& of_power_on, std::uint64_t number, std::span<const Cause> causes) noexcept {
   TriadErrors drawn = errors;
-  if (errors.unit_sigma.is_on()) add(drawn_for_unit(errors, quantity, of_unit), drawn);
-  if (errors.turn_on_sigma.is_on()) add(drawn_at_power_on(errors, quantity, of_power_on, number), drawn);
+  if (errors.unit_sigma.is_on()) add(drawn_for_unit(errors, quantity, of_unit, causes), drawn);
+  if (errors.turn_on_sigma.is_on() || !causes.empty())
+    add(drawn_at_power_on(errors, quantity, of_power_on, number, causes), drawn);
+  Vector3 squares = Vector3::Zero();
+  for (const Cause& cause : causes)
+    if (cause.layer == DrawnLayer::turn_on) squares += cause.loads(quantity).bias.cwiseAbs2();
+  if (!squares.isZero(0.0)) drawn.turn_on_bias = own_part(squares).matrix().cwiseProduct(errors.turn_on_bias);
   return drawn;
 }
 

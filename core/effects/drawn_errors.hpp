@@ -2,20 +2,26 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 
 #include "core/effects/triad_errors.hpp"
 #include "core/numbers/random.hpp"
 
 namespace imud {
 
-// Each element is sigma n, n ~ N(0, 1). The two layers are independent. Nothing here allocates or throws.
-ConstantErrors drawn_for_unit(const TriadErrors& errors, Quantity quantity, const Normals& normals) noexcept;
-// `number` counts the power ons from 0. The bias that is drawn is TurnOnBias's own.
+// Each element is sigma n, n ~ N(0, 1), or has a part by causes (Cause). The two layers are independent. Nothing here
+// allocates or throws.
+ConstantErrors drawn_for_unit(const TriadErrors& errors, Quantity quantity, const Normals& normals,
+                              std::span<const Cause> causes = {}) noexcept;
+// `number` counts the power ons from 0. The bias is the causes' part of TriadErrors::turn_on_bias: the rest is drawn
+// by TurnOnBias.
 ConstantErrors drawn_at_power_on(const TriadErrors& errors, Quantity quantity, const Normals& normals,
-                                 std::uint64_t number) noexcept;
+                                 std::uint64_t number, std::span<const Cause> causes = {}) noexcept;
 
-// Returns the errors of a unit after that power on, with the random numbers of both layers.
+// Returns the errors of a unit after that power on, with the random numbers of both layers. `turn_on_bias` is the
+// standard deviation of what TurnOnBias draws, without the causes' part.
 TriadErrors drawn_errors(const TriadErrors& errors, Quantity quantity, const Normals& of_unit,
-                         const Normals& of_power_on, std::uint64_t number) noexcept;
+                         const Normals& of_power_on, std::uint64_t number,
+                         std::span<const Cause> causes = {}) noexcept;
 
 }  // namespace imud

@@ -43,7 +43,9 @@ enum class Process : std::uint32_t {
   popcorn_noise = 16,  // a uniform deviate for each change of an axis
   clock_wander = 17,   // x: end of the frequency's random walk in a period, y: within it, z: white noise
   stamp_jitter = 18,
-  flicker = 32,  // of its first octave; the other octaves have the next 31 numbers
+  unit_cause = 19,     // of the cause whose name has that hash (constant_errors.hpp)
+  turn_on_cause = 20,  // the same, with the number of the power on in the upper 32 bits
+  flicker = 32,        // of its first octave; the other octaves have the next 31 numbers
 };
 
 // Returns the number of the octave-th process of a cascade, 0 to 31, that begins with `first`.
