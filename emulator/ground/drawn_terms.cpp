@@ -19,22 +19,12 @@ void append(std::vector<DrawnTerms>& all, DrawnTerms drawn) {
 
 DrawnTerms terms_of(std::string_view sensor, std::string_view layer, const ConstantErrors& drawn) {
   DrawnTerms all = {sensor, layer, {}};
-  const auto add = [&](std::string_view name, const auto& term) {
+  std::size_t i = 0;
+  const auto add = [&](const auto& term) {
+    const std::string_view name = constant_error_names[i++];
     if (!term.isZero(0.0)) all.terms.emplace_back(name, numbers(term));
   };
-  add("bias", drawn.bias);
-  add("scale_factor", drawn.scale_factor);
-  add("scale_factor_asymmetry", drawn.scale_factor_asymmetry);
-  add("quadratic", drawn.quadratic);
-  add("cubic", drawn.cubic);
-  add("misalignment", drawn.misalignment);
-  add("g_sensitivity", drawn.g_sensitivity);
-  add("temperature_scale", drawn.temperature_scale);
-  add("temperature_bias", drawn.temperature_bias);
-  add("temperature_rate_bias", drawn.temperature_rate_bias);
-  add("temperature_hysteresis", drawn.temperature_hysteresis);
-  add("cross_sensitivity", drawn.cross_sensitivity);
-  add("vibration_rectification", drawn.vibration_rectification);
+  for_each_constant(add, drawn);
   return all;
 }
 
@@ -53,11 +43,12 @@ std::vector<DrawnTerms> drawn_terms(const ImuModel& model, std::uint64_t seed, s
     append(all, {"mounting", "unit", {{"rotation", numbers(phi)}}});
   const auto add = [&](std::string_view sensor, const TriadErrors& errors, Quantity quantity,
                        const Vector3& current_field = Vector3::Zero()) {
-    DrawnTerms unit = terms_of(sensor, "unit", drawn_for_unit(errors, quantity, normals));
+    DrawnTerms unit = terms_of(sensor, "unit", drawn_for_unit(errors, quantity, normals, model.causes));
     if (!current_field.isZero(0.0)) unit.terms.emplace_back("current_field", numbers(current_field));
     append(all, std::move(unit));
-    ConstantErrors turn_on = drawn_at_power_on(errors, quantity, normals, 0);
-    turn_on.bias = errors.turn_on_bias.cwiseProduct(normals(quantity, Process::turn_on_bias, 0));
+    ConstantErrors turn_on = drawn_at_power_on(errors, quantity, normals, 0, model.causes);
+    const Vector3 own = drawn_errors(errors, quantity, normals, normals, 0, model.causes).turn_on_bias;
+    turn_on.bias += own.cwiseProduct(normals(quantity, Process::turn_on_bias, 0));
     append(all, terms_of(sensor, "turn_on", turn_on));
   };
   add("gyro", model.gyro, Quantity::rate);
@@ -68,6 +59,15 @@ std::vector<DrawnTerms> drawn_terms(const ImuModel& model, std::uint64_t seed, s
   if (drawn.bias != 0) barometer.terms.emplace_back("bias", std::vector{drawn.bias});
   if (drawn.port != 0) barometer.terms.emplace_back("port", std::vector{drawn.port});
   append(all, std::move(barometer));
+  for (const DrawnLayer layer : {DrawnLayer::unit, DrawnLayer::turn_on}) {
+    DrawnTerms causes = {"cause", layer == DrawnLayer::unit ? "unit" : "turn_on", {}};
+    for (const Cause& cause : model.causes) {
+      if (cause.layer != layer) continue;
+      const Vector3 deviates = cause.drawn(normals, 0);
+      causes.terms.emplace_back(cause.name, cause.is_per_axis ? numbers(deviates) : std::vector{deviates.x()});
+    }
+    append(all, std::move(causes));
+  }
   return all;
 }
 

@@ -11,13 +11,14 @@
 
 namespace imud {
 
-// One layer of one triad, the mounting or the barometer.
+// One layer of one triad, the mounting, the barometer or the causes of correlations.
 struct DrawnTerms {
-  std::string_view sensor;  // "gyro", "accelerometer", "magnetometer", "mounting" or "barometer"
+  std::string_view sensor;  // "gyro", "accelerometer", "magnetometer", "mounting", "barometer" or "cause"
   std::string_view layer;   // "unit" or "turn_on"
   // In SI, by the names of the members of TriadErrors, ImuModel and BarometerErrors: a number, three numbers, or the
-  // nine of a matrix, row by row. Of a mounting the rotation vector, rad.
-  std::vector<std::pair<std::string_view, std::vector<double>>> terms;
+  // nine of a matrix, row by row. Of a mounting the rotation vector, rad. Of a cause, by its name, the deviate in
+  // units of the standard deviation, or the deviates of the three axes.
+  std::vector<std::pair<std::string, std::vector<double>>> terms;
 
   // Returns "bias=1e-05,-2e-06,3e-06 scale_factor=0.0001,0,0".
   std::string text() const;

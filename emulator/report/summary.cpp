@@ -366,7 +366,7 @@ std::string json(const Summary& s, JsonLayout layout) {
     if (imu.line_load_percent > 0) object["line_load_percent"] = imu.line_load_percent;
     for (const DrawnTerms& drawn : imu.drawn)
       for (const auto& [name, values] : drawn.terms)
-        object["drawn"][std::string(drawn.sensor)][std::string(drawn.layer)][std::string(name)] = values;
+        object["drawn"][std::string(drawn.sensor)][std::string(drawn.layer)][name] = values;
   }
   nlohmann::ordered_json all = {{"duration_s", s.duration_s}, {"simulated_s", s.simulated_s}};
   if (s.whole) add(all, *s.whole);
