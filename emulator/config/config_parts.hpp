@@ -81,6 +81,9 @@ struct CurrentField {
 };
 TriadErrors read_magnetometer(TableReader table, const TriadErrors* product, double rate_hz, CurrentField& current);
 
+// Reads [[imu.cause]] into model.causes; the errors of the three triads must be read (sensor_keys.cpp).
+void read_causes(TableReader& imu, ImuModel& model);
+
 // Read a barometer's errors, over the product's errors, and a navigation solution's errors (navigation_config.cpp).
 void read_barometer(TableReader table, BarometerErrors& errors);
 NavigationErrors read_navigation(TableReader table);

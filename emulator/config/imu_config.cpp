@@ -383,6 +383,7 @@ ImuConfig read_imu(TableReader& table, std::size_t index) {
   imu.model.oscillator = read_oscillator(table.child("clock"));
   imu.model.vibration = read_vibration(table.child("vibration"));
   read_errors(table, product, imu);
+  read_causes(table, imu.model);
   read_barometer(table.child("barometer"), imu.model.barometer);
   imu.model.navigation = read_navigation(table.child("navigation"));
   TableReader increments = table.child("increments");

@@ -1,11 +1,15 @@
 #include "emulator/config/sensor_keys.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <memory>
 #include <numeric>
+#include <type_traits>
+#include <utility>
 #include <vector>
 
 #include "core/units.hpp"
+#include "emulator/config/config_parts.hpp"
 #include "protocols/quantities/key_units.hpp"
 
 namespace imud {
@@ -158,12 +162,15 @@ double number_in_units(TableReader& table, std::string_view stem, std::span<cons
                        [&](const std::string& key, double absent) { return table.real(key, absent, min, huge); });
 }
 
+namespace {
+constexpr std::string_view degrees_of_temperature[] = {"per_c", "per_c2", "per_c3"};
+}  // namespace
+
 // A key for each unit of each degree.
 void read_temperature_terms(TableReader& table, const SensorKeys& keys, bool is_sigma, Matrix3& scale,
                             Matrix3& bias) {
-  constexpr std::string_view powers[] = {"per_c", "per_c2", "per_c3"};
   for (int degree = 0; degree < 3; ++degree) {
-    const std::string_view per = powers[degree];
+    const std::string_view per = degrees_of_temperature[degree];
     scale.col(degree) =
         ppm * table.per_axis(key_of("temperature_scale_ppm", per), scale.col(degree) / ppm, is_sigma ? 0 : -1e6, 1e6);
     std::vector<std::string> suffixes;
@@ -190,6 +197,100 @@ void read_rare_terms(TableReader& table, const SensorKeys& keys, double rate_hz,
   if (!std::empty(keys.quantization))
     e.quantization_noise = in_units(table, "quantization_noise", keys.quantization, e.quantization_noise);
   read_taps(table, e.fir_taps);
+}
+
+namespace {
+
+constexpr std::string_view triad_names[] = {"gyro", "accelerometer", "magnetometer"};
+constexpr std::string_view layer_names[] = {"unit", "turn_on"};
+
+// Reads the loads of one triad. Each row of a matrix has one, but the degrees of the temperature have their own.
+void read_loads(TableReader table, std::string_view triad, ConstantErrors& loads) {
+  std::size_t i = 0;
+  const auto read = [&](const std::string& key) { return table.per_axis(key, Vector3::Zero(), -1, 1); };
+  const auto read_term = [&](auto& term) {
+    const std::string key(constant_error_names[i++]);
+    if constexpr (std::is_same_v<std::remove_reference_t<decltype(term)>, Vector3>) {
+      term = read(key);
+    } else if (&term == &loads.temperature_scale || &term == &loads.temperature_bias) {
+      for (int degree = 0; degree < 3; ++degree) term.col(degree) = read(key_of(key, degrees_of_temperature[degree]));
+    } else {
+      const bool has_it = triad == "gyro" || (triad == "accelerometer" && &term != &loads.g_sensitivity) ||
+                          &term == &loads.misalignment;
+      if (has_it) term = read(key).rowwise().template replicate<3>();
+    }
+  };
+  for_each_constant(read_term, loads);
+  // Elements that are not drawn.
+  loads.misalignment.diagonal().setZero();
+  if (triad == "accelerometer")
+    loads.vibration_rectification = Matrix3(loads.vibration_rectification.diagonal().asDiagonal());
+  table.finish();
+}
+
+// Adds a fault for each load of a term that has no standard deviation, and for each term of whose variance the causes
+// explain more than all. `squares`: the sums of the squared loads of the causes so far.
+void check_loads(TableReader& table, std::string_view triad, DrawnLayer layer, const ConstantErrors& loads,
+                 ConstantErrors sigma, ConstantErrors& squares) {
+  constexpr double rounding = 1e-9;
+  std::size_t i = 0;
+  const auto check = [&](const auto& load, const auto& deviation, auto& square) {
+    const std::string_view term = constant_error_names[i++];
+    square += load.cwiseAbs2();
+    for (int row = 0; row < 3; ++row) {
+      const auto loaded = load.row(row).array() != 0.0;
+      const std::string where = fmt::format("{} of the {} axis", term, "xyz"[row]);
+      if ((loaded && deviation.row(row).array() == 0.0).any())
+        table.fault(triad, fmt::format("{} has no standard deviation to share; give {}", where,
+                                       layer == DrawnLayer::turn_on && term == "bias"
+                                           ? fmt::format("{}.turn_on_bias_*", triad)
+                                           : fmt::format("it in {}.{}_sigma", triad,
+                                                         layer_names[static_cast<std::size_t>(layer)])));
+      if (loaded.any() && square.row(row).maxCoeff() > 1 + rounding)
+        table.fault(triad,
+                    fmt::format("the squares of the loads of {} add up to {:.4g}; give loads whose squares add "
+                                "up to at most 1 over all causes",
+                                where, square.row(row).maxCoeff()));
+    }
+  };
+  for_each_constant(check, loads, sigma, squares);
+}
+
+bool is_name(std::string_view name) {
+  return !name.empty() && name.size() <= 40 && std::ranges::all_of(name, [](char c) {
+    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '-' || c == '_';
+  });
+}
+
+}  // namespace
+
+void read_causes(TableReader& imu, ImuModel& model) {
+  ConstantErrors squares[2][3];
+  for (TableReader& table : children(imu, "cause", "imu.cause")) {
+    Cause cause;
+    require(table, "name", "the cause's, by which summary and labels have what it drew");
+    cause.name = table.text("name", "");
+    if (table.has("name") && !is_name(cause.name)) table.fault("name", "give up to 40 letters, digits, - and _");
+    for (const Cause& other : model.causes)
+      if (stream_id(other.name) == stream_id(cause.name))
+        table.fault("name", fmt::format("gives the random numbers of the cause \"{}\"; give another", other.name));
+    cause.layer = table.choice<DrawnLayer>(
+        "layer", {{DrawnLayer::unit, layer_names[0]}, {DrawnLayer::turn_on, layer_names[1]}}, DrawnLayer::unit);
+    cause.is_per_axis = table.flag("per_axis", false);
+    ConstantErrors* const loads[] = {&cause.gyro, &cause.accelerometer, &cause.magnetometer};
+    const TriadErrors* const errors[] = {&model.gyro, &model.accelerometer, &model.magnetometer};
+    const bool is_of_unit = cause.layer == DrawnLayer::unit;
+    for (std::size_t i = 0; i < 3; ++i) {
+      read_loads(table.child(triad_names[i]), triad_names[i], *loads[i]);
+      ConstantErrors sigma = is_of_unit ? errors[i]->unit_sigma : errors[i]->turn_on_sigma;
+      if (!is_of_unit) sigma.bias = errors[i]->turn_on_bias;
+      check_loads(table, triad_names[i], cause.layer, *loads[i], sigma, squares[is_of_unit ? 0 : 1][i]);
+    }
+    if (!cause.gyro.is_on() && !cause.accelerometer.is_on() && !cause.magnetometer.is_on())
+      table.fault("name", "needs loads: the correlation of terms with it, such as gyro.bias = 0.5");
+    table.finish();
+    model.causes.push_back(std::move(cause));
+  }
 }
 
 void read_vibration_average(TableReader& table, TriadErrors& e) {

@@ -261,6 +261,24 @@ TableReader TableReader::child(std::string_view key) {
           *resolved_.insert(key, toml::table{}).first->second.as_table()};
 }
 
+std::vector<TableReader> children(TableReader& table, std::string_view key, std::string_view heading) {
+  std::vector<TableReader> readers;
+  const toml::node* found = table.node(key);
+  if (found == nullptr) return readers;
+  const toml::array* list = found->as_array();
+  if (list == nullptr || !(list->empty() || list->is_array_of_tables())) {
+    table.fault(key, fmt::format("give tables, each as [[{}]]", heading));
+    return readers;
+  }
+  toml::array& resolved = *table.resolved_.insert(key, toml::array{}).first->second.as_array();
+  for (std::size_t i = 0; i < list->size(); ++i) {
+    const toml::table& one = *(*list)[i].as_table();
+    readers.push_back(TableReader(&one, fmt::format("{}{}.{}.", table.path_, key, i), one.source().begin.line,
+                                  table.faults_, resolved.emplace_back<toml::table>()));
+  }
+  return readers;
+}
+
 void TableReader::finish() {
   if (table_ == nullptr) return;
   for (const auto& [key, value] : *table_) {

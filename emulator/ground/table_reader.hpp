@@ -101,6 +101,7 @@ class TableReader {
   void finish();
 
  private:
+  friend std::vector<TableReader> children(TableReader& table, std::string_view key, std::string_view heading);
   const toml::node* find(std::string_view key) const;
   std::uint32_t line_of(std::string_view key) const;
 
@@ -116,6 +117,9 @@ class TableReader {
 inline bool is_text(TableReader& table, std::string_view key) {
   return table.has(key) && table.node(key)->is_string();
 }
+// Returns the readers of the tables of a list, such as [[imu.cause]]; none if the key is absent. `heading` is the
+// tables' in the fault of another value.
+std::vector<TableReader> children(TableReader& table, std::string_view key, std::string_view heading);
 // Adds a fault if the key is absent.
 void require(TableReader& table, std::string_view key, std::string_view what_it_is);
 // Returns a date and time, such as 2025-01-01T00:00:00Z, as whole seconds since 1970. Without an offset it is UTC.

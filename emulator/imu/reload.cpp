@@ -36,7 +36,8 @@ constexpr std::string_view imu_keys[] = {"port",
                                          "barometer.",
                                          "navigation.",
                                          "temperature.",
-                                         "vibration."};
+                                         "vibration.",
+                                         "cause"};
 
 constexpr std::string_view port_keys[] = {"port", "second_port", "pace"};
 

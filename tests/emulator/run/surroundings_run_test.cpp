@@ -247,5 +247,45 @@ TEST_F(SurroundingsRun, TheDynamicPressureActsOnTheStaticPort) {
     EXPECT_NEAR(all[k].pressure, 90000 + 0.3 * static_cast<double>(k), 1e-6) << k;
 }
 
+// A cause that determines a bias of each of two sensors alone, and half of the variance of another: all of them are
+// in the rows as summary and labels have the cause.
+TEST_F(SurroundingsRun, BiasesOfOneCauseAreOfOneDraw) {
+  std::vector<double> drawn;
+  for (int seed = 1; seed <= 5; ++seed) {
+    const std::string c = write("config.toml", fmt::format("seed = {}\nclock = \"fast\"\n[truth]\n"
+                                                           "port = \"udp:127.0.0.1:9810\"\nformat = \"csv\"\n"
+                                                           "[[imu]]\nrate_hz = 100\nprotocol = \"csv\"\n"
+                                                           "port = \"file:{}\"\ngyro.max_rad_per_s = 100\n"
+                                                           "accelerometer.max_m_per_s2 = 1000\n"
+                                                           "gyro.unit_sigma.bias_rad_per_s = [0.1, 0.2, 0.3]\n"
+                                                           "accelerometer.unit_sigma.bias_m_per_s2 = 2\n"
+                                                           "[[imu.cause]]\nname = \"stress\"\n"
+                                                           "gyro.bias = [1, -1, 0.707106781186547]\n"
+                                                           "accelerometer.bias = [0, 0, 1]\n",
+                                                           seed, path("rows")));
+    const std::string truth = write("truth.csv",
+                                    "time_s,q_NB_w,q_NB_x,q_NB_y,q_NB_z,p_rad_per_s,q_rad_per_s,"
+                                    "r_rad_per_s,specific_force_x_m_per_s2,specific_force_y_m_per_s2,"
+                                    "specific_force_z_m_per_s2\n0,1,0,0,0,0,0,0,0,0,0\n"
+                                    "1,1,0,0,0,0,0,0,0,0,0\n");
+    const ProgramResult result =
+        run_program("imud", {"replay", c, truth, "--summary", path("summary.json"), "--labels", path("labels.csv")});
+    ASSERT_EQ(result.exit_code, 0) << result.errors;
+    const nlohmann::json of_imu = summary().at("imus").at(0).at("drawn");
+    const double stress = of_imu.at("cause").at("unit").at("stress").at(0);
+    EXPECT_NE(read_file(path("labels.csv")).find(fmt::format("stress={}", stress)), std::string::npos);
+    const auto fields = rows(read_file(path("rows"))).at(50);
+    const auto value = [&](std::size_t column) { return std::stod(fields.at(column)); };
+    EXPECT_NEAR(value(2), 0.1 * stress, 1e-15);
+    EXPECT_NEAR(value(3), -0.2 * stress, 1e-15);
+    EXPECT_NEAR(value(4), of_imu.at("gyro").at("unit").at("bias").at(2), 1e-15);
+    EXPECT_GT(std::abs(value(4) - 0.3 * stress), 1e-3) << "with a part of its own";
+    EXPECT_NEAR(value(7), 2 * stress, 1e-14);
+    drawn.push_back(stress);
+  }
+  std::ranges::sort(drawn);
+  EXPECT_EQ(std::ranges::adjacent_find(drawn), drawn.end());
+}
+
 }  // namespace
 }  // namespace imud
