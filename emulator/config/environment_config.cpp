@@ -1,8 +1,10 @@
 // The surroundings of a sensor in a configuration.
 #include <algorithm>
+#include <utility>
 
 #include "core/units.hpp"
 #include "emulator/config/config_parts.hpp"
+#include "emulator/config/line_load.hpp"
 
 namespace imud {
 namespace {
@@ -133,6 +135,13 @@ void read_instants(TableReader& table, ImuConfig& imu) {
   if (stamp.jitter_s > 1e-6 * most_stamp_us)
     table.fault("stamp_jitter_us",
                 fmt::format("give at most {:.6g}, a twentieth of the sample period", most_stamp_us));
+  if (imu.protocol == nullptr || (stamp.offset_s == 0 && stamp.jitter_s == 0) || carries_stamp(imu)) return;
+  for (const auto& [key, value] :
+       {std::pair{"stamp_offset_us", stamp.offset_s}, std::pair{"stamp_jitter_us", stamp.jitter_s}})
+    if (value != 0)
+      table.warn(key, fmt::format("has no effect: {} sends no time with these settings; sampling_delay_us makes its "
+                                  "samples late",
+                                  imu.protocol->name));
 }
 
 OscillatorModel read_oscillator(TableReader table) {

@@ -24,13 +24,15 @@ void add(std::vector<SentFrames>& all, const Frame& frame, double per_s) {
 // Calls `take` with the frames that a product makes of typical samples from 1 s after power on until `end`, because
 // the first second contains the start-up.
 template <class Take>
-void make_typical(const ImuConfig& imu, std::uint8_t uart, Nanoseconds end, Take take) {
+void make_typical(const ImuConfig& imu, std::uint8_t uart, Nanoseconds end, Take take,
+                  std::int32_t stamp_error_ns = 0) {
   constexpr Nanoseconds begin = std::chrono::seconds(1);
   const std::unique_ptr<Device> device = imu.protocol->make(imu.settings);
   if (uart != 0) device->connect_second_uart();
   const auto frames = std::make_unique<FrameBuffer>();
   const Grid grid(imu.rate_hz);
   Sample sample = typical_sample();
+  sample.stamp_error_ns = stamp_error_ns;
   for (std::uint64_t k = 0; grid.nominal_offset(k) < end; ++k) {
     const auto count = [&] {
       if (grid.nominal_offset(k) >= begin)
@@ -104,6 +106,23 @@ Sample typical_sample() {
   sample.delta_angle = 1e-3 * sample.rate;
   sample.delta_velocity = 1e-3 * sample.specific_force;
   return sample;
+}
+
+bool carries_stamp(const ImuConfig& imu) {
+  // A product that is given the time by its host may have none in typical samples.
+  if (imu.protocol->product != nullptr && imu.protocol->resolution.time_s > 0) return true;
+  const auto bytes_of = [&](std::int32_t stamp_error_ns) {
+    std::vector<std::byte> bytes;
+    const auto append = [&](const Frame& frame) {
+      bytes.insert(bytes.end(), frame.bytes.begin(), frame.bytes.end());
+    };
+    const std::uint8_t uarts = imu.protocol->has_second_uart ? 2 : 1;
+    for (std::uint8_t uart = 0; uart < uarts; ++uart)
+      make_typical(imu, uart, std::chrono::seconds(2) + nanoseconds(2 / imu.rate_hz), append, stamp_error_ns);
+    return bytes;
+  };
+  constexpr std::int32_t second = 1'000'000'000;  // many LSB of any field
+  return bytes_of(second) != bytes_of(0);
 }
 
 std::vector<SentFrames> sent_frames(const ImuConfig& imu, std::uint8_t uart) {

@@ -16,6 +16,10 @@ namespace imud {
 // makes its longest rows.
 Sample typical_sample();
 
+// Returns false if an error of the stamps changes no byte of what the imu sends with its settings. A product whose
+// protocol can have the time counts as if it had it. The imu's protocol must be valid.
+bool carries_stamp(const ImuConfig& imu);
+
 // Frames of one kind that an imu sends.
 struct SentFrames {
   CanHeader can;

@@ -222,6 +222,37 @@ TEST_F(EnvironmentConfig, MagnetometerAndBarometerHaveModels) {
        {{"barometer.min_pa=9", "barometer.max_pa=8"}, "barometer.max_pa: give a pressure above min_pa"}});
 }
 
+// Products whose messages have no time have no stamp that could be off.
+TEST_F(EnvironmentConfig, StampsThatNobodySendsAreAWarning) {
+  const auto warnings = [&](const std::string& protocol, const std::string& port, std::vector<std::string> keys) {
+    const std::string path = folder_ / "stamps.toml";
+    std::ofstream(path) << "[truth]\nport = \"udp:127.0.0.1:9810\"\n[[imu]]\nprotocol = \"" << protocol
+                        << "\"\nport = \"" << port << "\"\n";
+    for (std::string& key : keys) key.insert(0, "imu.0.");
+    return load_config(path, keys).warnings;
+  };
+  const std::vector<std::string> of_stim300 = warnings("stim300", "pty:imu1", {"stamp_offset_us=-50"});
+  ASSERT_EQ(of_stim300.size(), 1U);
+  EXPECT_NE(of_stim300[0].find("imu.0.stamp_offset_us: has no effect: stim300 sends no time with these settings; "
+                               "sampling_delay_us makes its samples late"),
+            std::string::npos)
+      << of_stim300[0];
+  const std::vector<std::string> of_j1939 =
+      warnings("j1939", "can:vcan0", {"stamp_offset_us=5", "stamp_jitter_us=5"});
+  ASSERT_EQ(of_j1939.size(), 2U);
+  EXPECT_NE(of_j1939[1].find("imu.0.stamp_jitter_us: has no effect: j1939"), std::string::npos) << of_j1939[1];
+  EXPECT_EQ(warnings("stim300", "pty:imu1", {}).size(), 0U);
+  // A field with time; one that a host selects; and the time of the bus, which is not known yet.
+  EXPECT_EQ(warnings("native", "pty:imu1",
+                     {"stamp_offset_us=5", "rate_hz=100", "gyro.max_rad_per_s=9", "accelerometer.max_m_per_s2=9"})
+                .size(),
+            0U);
+  const std::string binary = "device.binary_1=\"1,8,01,0101\"";
+  EXPECT_EQ(warnings("vectornav", "pty:imu1", {"stamp_offset_us=5", binary}).size(), 0U);
+  EXPECT_EQ(warnings("vectornav", "pty:imu1", {"stamp_offset_us=5"}).size(), 1U);
+  EXPECT_EQ(warnings("dronecan", "can:vcan0", {"stamp_offset_us=5"}).size(), 0U);
+}
+
 TEST_F(EnvironmentConfig, ImpossibleVibrationsAreFaults) {
   expect_faults({
       {{"vibration.sine_hz=[0]"}, "imu.0.vibration.sine_hz: give a list of numbers from 0.001"},
