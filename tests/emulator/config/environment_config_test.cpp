@@ -1,6 +1,7 @@
 // The keys of limits, size effect, vibration, temperature and sampling jitter.
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <fstream>
 #include <string>
 #include <utility>
@@ -211,6 +212,15 @@ TEST_F(EnvironmentConfig, MagnetometerAndBarometerHaveModels) {
     EXPECT_EQ(m.barometer.noise, 3);
     EXPECT_EQ(m.barometer.least, 1000);
   }
+  const ImuModel others = model({"magnetometer.model=\"bmm150\"", "barometer.model=\"dps310\""});
+  EXPECT_LT((others.magnetometer.range().upper - Vector3(1300e-6, 1300e-6, 2500e-6)).norm(), 1e-15);
+  // 0.3 uT RMS of samples of 50 ms.
+  EXPECT_NEAR(others.magnetometer.white_density.x() * std::sqrt(20.0), 0.3e-6, 1e-9);
+  EXPECT_NEAR(others.magnetometer.unit_sigma.bias.z(), 40e-6, 1e-15);
+  EXPECT_NEAR(others.magnetometer.unit_sigma.scale_factor.x(), 0.02, 1e-12);
+  EXPECT_EQ(others.barometer.noise, 0.5);
+  EXPECT_EQ(others.barometer.least, 30000);
+  EXPECT_EQ(others.barometer.largest, 120000);
   const ImuModel whole = model({"model=\"adis16448\"", "barometer.noise_pa=9"});
   EXPECT_NEAR(whole.magnetometer.max, 190e-6, 1e-18);
   EXPECT_EQ(whole.barometer.lsb, 2);
