@@ -98,6 +98,21 @@ class DroneCanDevice final : public Device {
     count_errors();
   }
 
+  // ArduPilot's AP_Periph sends the latest values of its filters of second order, INS_GYRO_FILTER and
+  // INS_ACCEL_FILTER, 20 Hz as delivered, and integrals that are not filtered. (ArduPilot at 4908787:
+  // Tools/AP_Periph/imu.cpp, can_imu_update(); libraries/AP_InertialSensor/AP_InertialSensor.cpp,
+  // DEFAULT_GYRO_FILTER, and AP_InertialSensor_Backend.cpp, apply_gyro_filters().)
+  std::optional<SensorFilters> filters() const noexcept override {
+    const auto low_pass = [this](Key key) {
+      const std::int64_t hz = node_.memory.active[key];
+      SensorFilter filter;
+      if (2 * hz < node_.memory.sample_rate) filter.cut_off_hz = Vector3::Constant(static_cast<double>(hz));
+      return filter;
+    };
+    return SensorFilters{
+        .gyro = low_pass(gyro_filter_hz), .accelerometer = low_pass(accelerometer_filter_hz), .magnetometer = {}};
+  }
+
   std::optional<DeviceTime> deadline() const noexcept override {
     return earlier(node_.id != anonymous ? next_status_ : allocation_.deadline(), receiver_.deadline());
   }

@@ -21,6 +21,8 @@ enum Key : std::size_t {
   integrals_key,
   gnss_fix2_hz,  // the keys above keep their indices, by which hosts list them
   gnss_auxiliary_hz,
+  gyro_filter_hz,
+  accelerometer_filter_hz,
   key_count
 };
 
@@ -31,6 +33,7 @@ struct Parameter {
   bool is_flag;
 };
 inline constexpr std::int64_t highest_sample_rate = 8000;  // Hz
+inline constexpr std::int64_t highest_filter = 256;        // Hz
 inline constexpr std::array<Parameter, key_count> parameters = {{
     {"node_id", 125, false, false},
     {"raw_imu_hz", highest_sample_rate, true, false},
@@ -43,6 +46,8 @@ inline constexpr std::array<Parameter, key_count> parameters = {{
     {"integrals", 1, false, true},
     {"gnss_fix2_hz", highest_sample_rate, true, false},
     {"gnss_auxiliary_hz", highest_sample_rate, true, false},
+    {"gyro_filter_hz", highest_filter, false, false},
+    {"accelerometer_filter_hz", highest_filter, false, false},
 }};
 
 using Values = std::array<std::int64_t, key_count>;  // index: Key

@@ -46,6 +46,11 @@ inline constexpr Setting declared_settings[] = {
     integer_setting("gnss_fix2_hz", "gnss.Fix2, likewise; without a fix where the place is not known", 0, 0,
                     highest_sample_rate),
     integer_setting("gnss_auxiliary_hz", "gnss.Auxiliary, likewise", 0, 0, highest_sample_rate),
+    integer_setting("gyro_filter_hz",
+                    "cut-off of the low-pass filter of the latest rates, Hz; 0, or from half of sample_rate_hz on: "
+                    "none",
+                    20, 0, highest_filter),
+    integer_setting("accelerometer_filter_hz", "the same of the latest specific forces, Hz", 20, 0, highest_filter),
     integer_setting("priority", "of the measurements; 0: the highest", 16, 0, lowest_priority),
     integer_setting("sensor_id", "in MagneticFieldStrength2", 0, 0, 255),
     flag_setting("integrals", "RawIMU has integrated values", true),

@@ -28,7 +28,10 @@ using Complex = std::complex<double>;
 class HostPort final : public Port {
  public:
   void send(std::span<const Frame> frames) noexcept override {
-    for (const Frame& frame : frames) sent.insert(sent.end(), frame.bytes.begin(), frame.bytes.end());
+    for (const Frame& frame : frames) {
+      sent.insert(sent.end(), frame.bytes.begin(), frame.bytes.end());
+      headers.emplace_back(frame.can, frame.bytes.size());
+    }
     counters_.sent += frames.size();
   }
   std::optional<Received> receive() noexcept override {
@@ -38,6 +41,7 @@ class HostPort final : public Port {
   }
 
   std::vector<std::byte> sent;
+  std::vector<std::pair<CanHeader, std::size_t>> headers;  // of the frames in `sent`, with their lengths
   std::string commands;
 
  private:
@@ -50,7 +54,9 @@ class TurningUnit {
   TurningUnit(const std::string& protocol, const std::vector<std::string>& assignments) {
     const std::string path = folder_ / "config.toml";
     std::ofstream(path) << "clock = \"lockstep\"\n[truth]\nport = \"udp:127.0.0.1:9810\"\n[[imu]]\nprotocol = \""
-                        << protocol << "\"\nport = \"pty:imu1\"\nmodel = \"ideal\"\n";
+                        << protocol << "\"\nport = \""
+                        << (find_protocol(protocol)->link == Link::can ? "can:vcan0" : "pty:imu1")
+                        << "\"\nmodel = \"ideal\"\n";
     std::vector<std::string> all;
     for (const std::string& assignment : assignments) all.push_back("imu.0." + assignment);
     config_ = load_config(path, all).imus.at(0);
@@ -86,8 +92,17 @@ class TurningUnit {
       channel_->transmit();
     }
     Recording recording;
-    decoder_->feed({port_->sent}, recording);
+    if (config_.protocol->link == Link::can) {
+      std::span<const std::byte> rest = port_->sent;
+      for (const auto& [header, size] : port_->headers) {
+        decoder_->feed({rest.first(size), header}, recording);
+        rest = rest.subspan(size);
+      }
+    } else {
+      decoder_->feed({port_->sent}, recording);
+    }
     port_->sent.clear();
+    port_->headers.clear();
     return recording.measurements;
   }
 
@@ -202,6 +217,20 @@ TEST(DeviceFilters, OfAMipUnitHaveASinglePole) {
   unit.command(std::string("\x75\x65\x0C\x0B\x0B\x54\x01\x80\x05\x01\x01\x41\xA0\x00\x00\xB9\x5D", 17));
   unit.command(std::string("\x75\x65\x0C\x0B\x0B\x54\x01\x80\x04\x00\x00\x00\x00\x00\x00\xD5\x67", 17));
   compare(20, 0);
+}
+
+// float16 has 2^-11 of a value, whose rounding leaves some 1e-5 of the amplitude after 1000 samples.
+TEST(DeviceFilters, OfADroneCanNodeAreThoseOfApPeriph) {
+  for (const bool is_filtered : {true, false}) {
+    std::vector<std::string> keys = {"device_filters=true", "device.raw_imu_hz=1000", "device.start_up_ms=0"};
+    if (!is_filtered) keys.insert(keys.end(), {"device.gyro_filter_hz=0", "device.accelerometer_filter_hz=0"});
+    TurningUnit unit("dronecan", keys);
+    const SensorFilter filter = is_filtered ? low_pass(20) : SensorFilter();
+    EXPECT_EQ(unit.model().gyro.filter, filter);
+    for (const int hz : {1, 10, 20, 50, 100})
+      for (const Complex& seen : response(unit, 1000, hz))
+        EXPECT_LT(std::abs(seen - frequency_response(filter, 0, 1000, hz)), 2e-4) << is_filtered << " " << hz;
+  }
 }
 
 TEST(DeviceFilters, AreOffWithoutTheKey) {

@@ -45,7 +45,7 @@ TEST(DroneCanServices, ListsItsParameters) {
     EXPECT_GE(frames_in(answer), 3U);
     ASSERT_LT(index, 100U);
   }
-  EXPECT_EQ(parameters, 11U);
+  EXPECT_EQ(parameters, 13U);
 }
 
 TEST(DroneCanServices, ReadsAndWritesParameters) {
@@ -68,6 +68,30 @@ TEST(DroneCanServices, ReadsAndWritesParameters) {
   for (const std::string_view unknown : {"1E0BAA8A#DEF9000403616286 1E0BAA8A#636E616D6566",
                                          "1E0BAA8A#00020000C03F78C7", "1E0BAA8A#FF00C8", "1E0BAA8A#00F8C9"})
     EXPECT_EQ(unit.answer(unknown).substr(0, 17), "1E0B0AAA#00000000") << unknown;
+}
+
+// AP_Periph's, as delivered; the requests were made by the rules of the transport layer, and as the one above.
+TEST(DroneCanServices, FiltersAreParameters) {
+  Unit unit("sample_rate_hz=1000");
+  const auto cut_offs = [&] {
+    const std::optional<SensorFilters> filters = unit.device->filters();
+    return filters ? std::pair{filters->gyro.cut_off_hz.x(), filters->accelerometer.cut_off_hz.x()}
+                   : std::pair{-1.0, -1.0};
+  };
+  EXPECT_EQ(cut_offs(), (std::pair{20.0, 20.0}));
+  EXPECT_EQ(unit.device->filters()->gyro.order, 2);
+  unit.answer("1E0BAA8A#878B000132000084 1E0BAA8A#0000000000677924 1E0BAA8A#726F5F66696C7404 1E0BAA8A#65725F687A64");
+  EXPECT_EQ(cut_offs(), (std::pair{50.0, 20.0}));
+  unit.answer(
+      "1E0BAA8A#FE7E000100000085 1E0BAA8A#0000000000616325 1E0BAA8A#63656C65726F6D05 1E0BAA8A#657465725F666925 "
+      "1E0BAA8A#6C7465725F687A45");
+  EXPECT_EQ(cut_offs(), (std::pair{50.0, 0.0})) << "none";
+  EXPECT_FALSE(unit.device->filters()->accelerometer.is_on());
+  unit.answer("1E0BAA8A#F23F000101010086 1E0BAA8A#0000000000677926 1E0BAA8A#726F5F66696C7406 1E0BAA8A#65725F687A66");
+  EXPECT_EQ(cut_offs(), (std::pair{50.0, 0.0})) << "257 Hz is beyond the range";
+  unit.device->power_on(unit.now);
+  EXPECT_EQ(cut_offs(), (std::pair{20.0, 20.0})) << "were not saved";
+  EXPECT_FALSE(Unit("sample_rate_hz=40 raw_imu_hz=40").device->filters()->gyro.is_on()) << "half of the rate";
 }
 
 // The response to a value that is not valid, or of another type, has the present value.
