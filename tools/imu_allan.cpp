@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <limits>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "core/requirement.hpp"
@@ -85,10 +86,10 @@ int analyse(Options& options, const OutputOptions& outputs, bool& running) {
   report.samples = report.recording.samples();
   for (auto& channel : report.recording.channels) {
     AllanReport::Axis axis{channel.number, {}, {}, channel.is_increment};
-    axis.curve = allan_curve(kind, channel.values, report.recording.rate_hz, options.per_decade, options.confidence);
+    axis.curve = allan_curve(kind, std::move(channel.values), report.recording.rate_hz, options.per_decade,
+                             options.confidence);
     axis.fit = fit_allan_terms(axis.curve, options.fit_from_s, options.fit_to_s);
     report.axes.push_back(std::move(axis));
-    channel.values = {};
   }
 
   if (!is_standard_output(options.json_path) && !is_standard_output(options.data_path))

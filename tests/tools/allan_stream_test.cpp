@@ -34,16 +34,20 @@ std::vector<double> long_rates(std::size_t count) {
 
 TEST(AllanStream, AFileHasTheDeviationsOfMemory) {
   const auto rates = long_rates(SampleStore::most_in_memory + 70'001);
-  SampleStore store;
-  for (const double rate : rates) store.push_back(rate);
-  store.finish();
+  const auto stored = [&] {
+    SampleStore made;
+    for (const double rate : rates) made.push_back(rate);
+    made.finish();
+    return made;
+  };
+  SampleStore store = stored();
   ASSERT_TRUE(store.is_in_file());
   ASSERT_TRUE(std::ranges::equal(store, rates));
   const auto phase = phase_of(rates);
-  ASSERT_TRUE(std::ranges::equal(stored_phase_of(store), phase));
+  ASSERT_TRUE(std::ranges::equal(stored_phase_of(stored()), phase));
   for (const AllanKind kind : allan_kinds)
     for (const unsigned per_decade : {0U, 7U}) {
-      const auto streamed = allan_curve(kind, store, 400, per_decade, 0.68);
+      const auto streamed = allan_curve(kind, stored(), 400, per_decade, 0.68);
       ASSERT_GT(streamed.points.size(), 15U);
       for (const auto& point : streamed.points)
         EXPECT_NEAR(point.deviation / allan_deviation(kind, phase, point.factor), 1, 1e-11)

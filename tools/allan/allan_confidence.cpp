@@ -7,6 +7,8 @@
 #include <cmath>
 #include <limits>
 
+#include "core/numbers/dispatch.hpp"
+
 namespace imud {
 namespace {
 
@@ -157,19 +159,17 @@ class Averages {
       : phase_(phase), factor_(factor), resident_(resident), count_((phase.size() - 1) / factor) {}
   std::size_t count() const noexcept { return count_; }
 
-  // Subtracts the linear trend by least squares.
-  void remove_trend() noexcept {
+  // Subtracts the linear trend by least squares. With n averages a_i and points p_i of the phase, the sum of i a_i is
+  // (n - 1) p_n less the sum of the points between the ends. `sum_of_points`: of all of them; nullopt: not known.
+  void remove_trend(std::optional<double> sum_of_points) noexcept {
+    const double begin = phase_[0], end = phase_[count_ * factor_];
+    const double inner = sum_of_points ? *sum_of_points - begin - end : inner_points();
     const auto count = static_cast<double>(count_);
-    const double mean = (phase_[count_ * factor_] - phase_[0]) / count, middle = (count - 1) / 2;
-    double xy = 0;
-    for_each_block(0, [&](std::size_t first, std::span<const double> y) {
-      const double x = static_cast<double>(first) - middle;
-      xy += sum(y.size(), [&](std::size_t i) { return (x + static_cast<double>(i)) * (y[i] - mean); });
-    });
+    const double xy = (count - 1) / 2 * (begin + end) - inner;
     slope_ = xy / (count * (count * count - 1) / 12);
   }
   // Returns the lag-1 autocorrelation of their differences of an order from 0 to 2; nullopt if they are constant.
-  std::optional<double> correlation(std::size_t order) const noexcept {
+  IMUD_DISPATCHED std::optional<double> correlation(std::size_t order) const noexcept {
     const std::size_t count = count_ - order;
     const auto n = static_cast<double>(count);
     const double center = order == 0 ? (phase_[count_ * factor_] - phase_[0]) / n - slope_ * (n - 1) / 2
@@ -204,15 +204,29 @@ class Averages {
     for (; i < count; ++i) sums[0] += value(i);
     return (sums[0] + sums[1]) + (sums[2] + sums[3]);
   }
+  double inner_points() const noexcept {
+    constexpr std::size_t piece = 512;
+    double points = 0;
+    for (std::size_t first = 1; first < count_; first += piece) {
+      const std::size_t size = std::min(piece, count_ - first);
+      points += sum(size, [&](std::size_t i) { return phase_[(first + i) * factor_]; });
+      resident_.touched(size * std::min(factor_ * sizeof(double), around));
+    }
+    return points;
+  }
   // Calls act(first, differences) for the differences of an order from number `first` on.
   template <class Act>
   void for_each_block(std::size_t order, Act&& act) const {
-    constexpr std::size_t around = 65536;  // bytes that the system maps about an address
     std::array<double, 512> values;
     for (std::size_t first = 0; first < count_ - order; first += values.size()) {
       const std::size_t size = std::min(values.size(), count_ - order - first);
       const auto number = static_cast<double>(first);
-      if (order == 0)
+      if (order == 0 && factor_ == 1)  // in vector registers
+        for (int i = 0; i < static_cast<int>(size); ++i) {
+          const double* begin = phase_.data() + first + static_cast<std::size_t>(i);
+          values[static_cast<std::size_t>(i)] = begin[1] - begin[0] - slope_ * (number + i);
+        }
+      else if (order == 0)
         for (int i = 0; i < static_cast<int>(size); ++i) {
           const double* begin = phase_.data() + (first + static_cast<std::size_t>(i)) * factor_;
           values[static_cast<std::size_t>(i)] = begin[factor_] - begin[0] - slope_ * (number + i);
@@ -223,6 +237,8 @@ class Averages {
       resident_.touched(size * std::min(factor_ * sizeof(double), around));
     }
   }
+
+  static constexpr std::size_t around = 65536;  // bytes that the system maps about an address
 
   std::span<const double> phase_;
   std::size_t factor_;
@@ -236,12 +252,12 @@ class Averages {
 int reddest_noise(AllanKind kind) noexcept { return is_hadamard(kind) ? -4 : -2; }
 
 std::optional<int> identify_noise(AllanKind kind, std::span<const double> phase, std::size_t factor,
-                                  const ResidentPages& resident) {
+                                  const ResidentPages& resident, std::optional<double> sum_of_points) {
   constexpr std::size_t least_averages = 30;
   constexpr int most_differences = 2;
   if (phase.empty() || (phase.size() - 1) / factor < least_averages) return std::nullopt;
   Averages averages(phase, factor, resident);
-  averages.remove_trend();
+  averages.remove_trend(sum_of_points);
   for (int differences = 0;; ++differences) {
     const auto correlation = averages.correlation(static_cast<std::size_t>(differences));
     if (!correlation) return std::nullopt;

@@ -20,9 +20,11 @@ int reddest_noise(AllanKind kind) noexcept;
 
 // Identifies the noise that dominates at an averaging time of `factor` samples, by the lag-1 autocorrelation of the
 // averages less their linear trend (SP1065, 5.5.3). Returns nullopt for less than 30 averages, which do not suffice,
-// and for averages that lie on a line. `phase`: as phase_of() returns it.
+// and for averages that lie on a line. `phase`: as phase_of() returns it. `sum_of_points`: of the phase at 0 and all
+// multiples of the factor, where it is known.
 std::optional<int> identify_noise(AllanKind kind, std::span<const double> phase, std::size_t factor,
-                                  const ResidentPages& resident = {});
+                                  const ResidentPages& resident = {},
+                                  std::optional<double> sum_of_points = std::nullopt);
 
 // Returns the equivalent number of degrees of freedom of a deviation: by Greenhall and Riley, "Uncertainty of
 // stability variances based on finite differences" (35th PTTI, 2003), which is SP1065 5.4; for the total deviation of

@@ -36,9 +36,8 @@ struct AllanCurve {
 std::size_t largest_curve_factor(AllanKind kind, std::size_t samples) noexcept;
 
 // Computes the curve of equally spaced rates, finite and at least 4 of them. per_decade: see averaging_factors().
-// The phase is stored as the rates are: in memory, or in a temporary file. A noise type that cannot be identified is
+// The phase takes the place of the rates, in memory or in a temporary file. A noise type that cannot be identified is
 // taken from the averaging time before, at first white.
-AllanCurve allan_curve(AllanKind kind, const SampleStore& rates, double rate_hz, unsigned per_decade,
-                       double confidence);
+AllanCurve allan_curve(AllanKind kind, SampleStore rates, double rate_hz, unsigned per_decade, double confidence);
 
 }  // namespace imud

@@ -151,16 +151,27 @@ class Differences {
   std::optional<ModifiedSum> modified_;
 };
 
-// Calls add(phase), the mean being subtracted, for each point of the phase.
+// Four sums at once keep the processor's pipeline busy.
+double mean_of(std::span<const double> rates, const ResidentPages& resident) {
+  constexpr std::size_t points = 4096, lanes = 4;
+  std::array<CompensatedSum, lanes> sums;
+  for (std::size_t begin = 0; begin < rates.size(); begin += points) {
+    const std::span<const double> piece = rates.subspan(begin, std::min(points, rates.size() - begin));
+    std::size_t i = 0;
+    for (; i + lanes <= piece.size(); i += lanes)
+      for (std::size_t k = 0; k < lanes; ++k) sums[k].add(piece[i + k]);
+    for (; i < piece.size(); ++i) sums[0].add(piece[i]);
+    resident.touched(points * sizeof(double));
+  }
+  for (std::size_t k = 1; k < lanes; ++k) sums[0].add(sums[k].value());
+  return sums[0].value() / static_cast<double>(rates.size());
+}
+
+// Calls add(phase), the mean being subtracted, for each point of the phase: for point i after rate i - 1 is read.
 template <class Add>
 void integrate(std::span<const double> rates, const ResidentPages& resident, Add&& add) {
   constexpr std::size_t points = 4096;
-  CompensatedSum sum;
-  for (std::size_t i = 0; i < rates.size(); ++i) {
-    sum.add(rates[i]);
-    if (i % points == 0) resident.touched(points * sizeof(double));
-  }
-  const double mean = sum.value() / static_cast<double>(rates.size());
+  const double mean = mean_of(rates, resident);
   CompensatedSum angle;
   add(0.0);
   for (std::size_t i = 0; i < rates.size(); ++i) {
@@ -198,11 +209,22 @@ std::vector<double> phase_of(std::span<const double> rates) {
   return phase;
 }
 
-SampleStore stored_phase_of(const SampleStore& rates) {
-  SampleStore phase;
-  if (rates.size() > 0) integrate(rates, rates.pages(), [&](double angle) { phase.push_back(angle); });
-  phase.finish();
-  return phase;
+SampleStore stored_phase_of(SampleStore rates) {
+  const std::size_t count = rates.size();
+  if (count == 0) return rates;
+  rates.extend();
+  // Point i is written after rate i is read: one step after it is computed.
+  double* next = &rates[0];
+  double held = 0;
+  bool is_first = true;
+  const auto write = [&](double angle) {
+    if (!is_first) *next++ = held;
+    is_first = false;
+    held = angle;
+  };
+  integrate(std::span(rates.data(), count), rates.pages(), write);
+  *next = held;
+  return rates;
 }
 
 std::size_t largest_factor(AllanKind kind, std::size_t points) noexcept {

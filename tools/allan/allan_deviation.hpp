@@ -41,8 +41,8 @@ std::string_view name_of(AllanKind kind) noexcept;
 // first is 0. The mean has no effect on any deviation; without it, and by compensated summation, each element is
 // exact to a few of its own ulps, whatever their number. Empty if there is no rate.
 std::vector<double> phase_of(std::span<const double> rates);
-// The same, in a file if it is long.
-SampleStore stored_phase_of(const SampleStore& rates);
+// The same, in the place of the rates.
+SampleStore stored_phase_of(SampleStore rates);
 
 // Returns the largest averaging factor that has a deviation for so many points of phase; 0: none has.
 std::size_t largest_factor(AllanKind kind, std::size_t points) noexcept;

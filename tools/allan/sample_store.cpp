@@ -33,7 +33,7 @@ class SampleStore::File {
   File(const File&) = delete;
   File& operator=(const File&) = delete;
   ~File() {
-    if (mapped_ != nullptr) ::munmap(mapped_, bytes_);
+    if (mapped_ != nullptr) ::munmap(mapped_, mapped_bytes_);
     ::close(descriptor_);
   }
 
@@ -48,9 +48,12 @@ class SampleStore::File {
     }
   }
   void map() {
+    if (mapped_ != nullptr) ::munmap(mapped_, mapped_bytes_);
+    mapped_ = nullptr;
     void* mapped = ::mmap(nullptr, bytes_, PROT_READ | PROT_WRITE, MAP_SHARED, descriptor_, 0);
     if (mapped == MAP_FAILED) fail();
     mapped_ = static_cast<double*>(mapped);
+    mapped_bytes_ = bytes_;
   }
   double* data() const noexcept { return mapped_; }
   ResidentPages pages() const noexcept { return {mapped_, bytes_}; }
@@ -63,7 +66,7 @@ class SampleStore::File {
   }
 
   int descriptor_ = -1;
-  std::size_t bytes_ = 0;
+  std::size_t bytes_ = 0, mapped_bytes_ = 0;
   double* mapped_ = nullptr;
 };
 
@@ -100,6 +103,14 @@ void SampleStore::scale(double factor) noexcept {
     for (std::size_t i = begin; i < end; ++i) samples[i] *= factor;
     resident.touched((end - begin) * sizeof(double));
   }
+}
+
+void SampleStore::extend() {
+  if (!file_) return memory_.push_back(0);
+  constexpr double added = 0;
+  file_->write(std::span(&added, 1));
+  ++in_file_;
+  file_->map();
 }
 
 const double* SampleStore::data() const noexcept { return file_ ? file_->data() : memory_.data(); }

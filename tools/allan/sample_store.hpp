@@ -47,6 +47,8 @@ class SampleStore {
   void finish();
   // Multiplies all samples, after finish().
   void scale(double factor) noexcept;
+  // Adds a sample of 0 at the end, after finish(). Throws as push_back().
+  void extend();
 
   std::size_t size() const noexcept { return in_file_ + memory_.size(); }
   bool is_in_file() const noexcept { return file_ != nullptr; }
