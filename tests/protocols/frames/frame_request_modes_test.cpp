@@ -24,7 +24,7 @@ answer = "AC"
 test_request = "F9 A5 F0 04"
 test_answer = "AC"
 [[request]]
-layout = ["F0", "{FORM}:u8"]
+layout = ["F0", "_:1"]
 when = {LOCK = "on"}
 answer = "EE"
 [[request]]
