@@ -7,7 +7,8 @@ these products has a K.
 import argparse
 import sys
 
-from noise_bench import FLAT, PRODUCTS, SENSORS, allan_variance, at_rest, np
+from allan_fit import allan_variance
+from noise_bench import FLAT, PRODUCTS, SENSORS, at_rest, np
 
 BAND = 0.07
 # The mean over axes and seeds is taken when its standard error is this: the band is 3.5 of it to each side, and a line is beyond

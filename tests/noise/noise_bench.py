@@ -9,73 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
-G0 = 9.80665
-DEG = np.pi / 180
+from product_formats import DEG, G0, INCREMENTS, mip, stim300, vectornav
+
 HOUR = 3600.0
 GYRO, ACCELEROMETER = "gyro", "accelerometer"
 SENSORS = (GYRO, ACCELEROMETER)
 FLAT = 2 * np.log(2) / np.pi  # of B^2 in the Allan variance
-
-
-# --- The documents' formats ---
-def rows_of(data, begin, size):
-    """Frames of one size, a row for each. The last may be cut off."""
-    if not data.startswith(begin):
-        raise ValueError(f"the output begins with {data[:8].hex()}, not with {begin.hex()}")
-    frames = np.frombuffer(data[:len(data) // size * size], np.uint8).reshape(-1, size)
-    if (frames[:, :len(begin)] != np.frombuffer(begin, np.uint8)).any():
-        raise ValueError("a frame has another header than the first")
-    return frames
-
-
-def crc_rows(rows, bits, polynomial, start):
-    """A CRC without reflection over each row."""
-    top, mask = np.uint32(1 << bits - 1), np.uint32((1 << bits) - 1)
-    table = np.arange(256, dtype=np.uint32) << np.uint32(bits - 8)
-    for _ in range(8):
-        table = np.where(table & top, table << np.uint32(1) ^ np.uint32(polynomial), table << np.uint32(1)) & mask
-    crc = np.full(len(rows), start, np.uint32)
-    for column in rows.T:
-        crc = (crc << np.uint32(8) & mask) ^ table[(crc >> np.uint32(bits - 8)) ^ column]
-    return crc
-
-
-def require(what, holds):
-    if not np.all(holds):
-        raise ValueError(f"{what} is wrong in {np.count_nonzero(~holds)} of {holds.size} frames")
-
-
-def stim300(data):
-    """TS1524 revision 31: datagram 0x91, increments of angle in 2^-21 deg and of velocity in 2^-22 m/s (10 g), a counter of samples
-    at 2 kHz."""
-    frames = rows_of(data, b"\x91", 28)
-    require("the CRC", crc_rows(frames[:, :24], 32, 0x04C11DB7, 0xFFFFFFFF) == frames[:, 24:].copy().view(">u4")[:, 0])
-    require("a status", (frames[:, 10] == 0) & (frames[:, 20] == 0))
-    require("the counter", np.diff(frames[:, 21]) == np.uint8(2000 // 125))
-
-    def three(first):
-        bytes_ = frames[:, first:first + 9].reshape(-1, 3, 3).astype(np.int32)
-        raw = bytes_[:, :, 0] << 16 | bytes_[:, :, 1] << 8 | bytes_[:, :, 2]
-        return (raw ^ 0x800000) - 0x800000
-    return three(1) * (DEG / 2**21), three(11) * 2.0**-22
-
-
-def vectornav(data):
-    """Binary output of the IMU group's dTheta (s, then deg) and dVel (m/s), as floats."""
-    frames = rows_of(data, bytes((0xFA, 0x04, 0xC0, 0x00)), 34)
-    require("the CRC", crc_rows(frames[:, 1:], 16, 0x1021, 0) == 0)
-    numbers = frames[:, 4:32].copy().view("<f4").astype(float)
-    require("the time step", abs(numbers[1:, 0] - 0.02) < 1e-6)
-    return numbers[:, 1:4] * DEG, numbers[:, 4:7]
-
-
-def mip(data):
-    """Sensor data (0x80) of two fields: delta angle (0x07, rad) and delta velocity (0x08, g s), of 14 bytes each."""
-    frames = rows_of(data, bytes((0x75, 0x65, 0x80, 28, 14, 0x07)), 34)
-    require("the second field", (frames[:, 18] == 14) & (frames[:, 19] == 8))
-    a = np.cumsum(frames[:, :32], axis=1, dtype=np.uint32)
-    require("the checksum", (a[:, -1] % 256 == frames[:, 32]) & (np.sum(a, axis=1) % 256 == frames[:, 33]))
-    return (frames[:, 6:18].copy().view(">f4").astype(float), frames[:, 20:32].copy().view(">f4") * G0)
 
 
 class Product:
@@ -104,7 +43,7 @@ device.accelerometer_unit = "increment"
 model = "vn-100"
 device.model = "vn-100"
 device.async_type = 0
-device.binary_1 = "1,16,04,00C0"
+device.binary_1 = "1,16,04,06C0"
 """, (("noise_density_deg_per_s_per_rt_hz", DEG), ("noise_density_mg_per_rt_hz", 1e-3 * G0)),
                       (0.0035 * DEG, 0.14e-3 * G0), (10 * DEG / HOUR, 0.04e-3 * G0)),
     # Data sheet of the 3DM-GX5-25: 0.005 deg/s/sqrt(Hz), 80 ug/sqrt(Hz); 8 deg/h, 0.04 mg.
@@ -112,7 +51,7 @@ device.binary_1 = "1,16,04,00C0"
 model = "3dm-gx5-25"
 device.model = "3dm-gx5-25"
 device.sensor_rate_hz = 100
-device.sensor_fields = ["delta_angle", "delta_velocity"]
+device.sensor_fields = ["acceleration", "rate", "delta_angle", "delta_velocity"]
 """, (("noise_density_deg_per_s_per_rt_hz", DEG), ("noise_density_ug_per_rt_hz", 1e-6 * G0)),
                           (0.005 * DEG, 80e-6 * G0), (8 * DEG / HOUR, 0.04e-3 * G0)),
 }
@@ -147,16 +86,9 @@ def at_rest(imud, name, hours, seed=1, white=None, flicker=None):
         done = subprocess.run([imud, "run", str(config)], capture_output=True, text=True, check=False)
         if done.returncode != 0:
             raise RuntimeError(done.stderr)
-        angle, velocity = product.decode(sent.read_bytes())
+        angle, velocity = product.decode(sent.read_bytes(), product.hz)[INCREMENTS]
     wanted = round(hours * HOUR * product.hz)
     if abs(len(angle) - wanted) > 2:
         raise ValueError(f"{name}: {len(angle)} samples in {hours} h, not {wanted}")
     # The first increments have no step.
     return {GYRO: angle[1:] * product.hz, ACCELEROMETER: velocity[1:] * product.hz}
-
-
-def allan_variance(values, m):
-    """Of each column, over averages of m samples, which overlap (IEEE Std 952-1997, C.1)."""
-    phase = np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(values - values.mean(axis=0), axis=0)])
-    second = phase[2 * m:] - 2 * phase[m:-m] + phase[:-2 * m]
-    return np.mean(second**2, axis=0) / (2 * m * m)

@@ -1,7 +1,8 @@
 """N of the presets, found in an hour of what a STIM300, a VN-100 and a 3DM-GX5-25 send at rest. usage: noise_test.py IMUD"""
 import sys
 
-from noise_bench import ACCELEROMETER, FLAT, GYRO, PRODUCTS, SENSORS, allan_variance, at_rest, np
+from allan_fit import allan_variance
+from noise_bench import ACCELEROMETER, FLAT, GYRO, PRODUCTS, SENSORS, at_rest, np
 
 # Standard errors of an estimate that a band has to each side: one of the 36 estimates is beyond it with a probability of 2e-5.
 BAND = 5.0

@@ -13,23 +13,13 @@ import tempfile
 import tomllib
 from pathlib import Path
 
-from noise_bench import ACCELEROMETER, FLAT, G0, GYRO, HOUR, SENSORS, DEG, allan_variance, np, write_truth
+from allan_fit import SHORT, allan_variance, lowest, noise
+from noise_bench import ACCELEROMETER, DEG, G0, GYRO, HOUR, SENSORS, np, write_truth
 
 HZ, SEEDS = 25, 8
 UNITS = {"deg_per_rt_hr": DEG / 60, "m_per_s_per_rt_hr": 1 / 60, "deg_per_s_per_rt_hz": DEG, "mdeg_per_s_per_rt_hz": 1e-3 * DEG,
          "ug_per_rt_hz": 1e-6 * G0, "mg_per_rt_hz": 1e-3 * G0, "deg_per_hr": DEG / HOUR, "mg": 1e-3 * G0}
 DATASHEET = {GYRO: ((DEG / 60, "deg/sqrt(h)"), (DEG / HOUR, "deg/h")), ACCELEROMETER: ((1 / 60, "m/s/sqrt(h)"), (1e-3 * G0, "mg"))}
-
-
-SHORT = np.array([0.08, 0.2, 0.4, 0.8])  # s
-
-
-def flicker_share(tau):
-    """Of the flat part: of exponentially correlated processes an octave apart, of which the first has 1/3.1 s and twice the variance."""
-    times = 2.0**np.arange(14) / 3.1
-    x = tau / times
-    variances = 2 / x * (1 - (3 - 4 * np.exp(-x) + np.exp(-2 * x)) / (2 * x))
-    return (variances.sum() + variances[0]) / 2
 
 
 def stated(triad, *stems):
@@ -95,11 +85,8 @@ def main():
             n, low = [], []
             for kind in sums:
                 variances = kind[sensor]
-                rest = variances[:len(SHORT)] - (minimum or 0)**2 * np.array([flicker_share(tau) for tau in SHORT])
-                terms = np.stack([1 / SHORT, 3 / SHORT**2], axis=1) / rest[:, None]
-                squares = np.linalg.lstsq(terms, np.ones(len(SHORT)), rcond=None)[0]
-                n.append(np.sqrt(max(0, squares[0])) / N)
-                low.append(np.sqrt(variances[len(SHORT):len(SHORT) + last].min()) / minimum if minimum else 1)
+                n.append(noise(variances[:len(SHORT)], SHORT, minimum or 0) / N)
+                low.append(lowest(variances[len(SHORT):len(SHORT) + last]) / minimum if minimum else 1)
             (n_unit, n_name), (b_unit, b_name) = DATASHEET[sensor]
             hidden = is_hidden(imu[sensor], N)
             # Increments without digits of their own have the digits of the values.
