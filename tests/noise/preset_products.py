@@ -135,8 +135,9 @@ def stim(hz):
                 hz, partial(stim300, gyro=kind, accelerometer=kind), 28) for kind, gyro, accelerometer in units]
 
 
-def vn(hz):
-    return [Run(f'protocol = "vectornav"\ndevice.async_type = 0\ndevice.binary_1 = "1,{800 // hz},04,06C0"\n', hz, vectornav, 58)]
+def vn(hz, model="vn-100", internal_hz=800):
+    return [Run(f'protocol = "vectornav"\ndevice.model = "{model}"\ndevice.async_type = 0\n'
+                f'device.binary_1 = "1,{internal_hz // hz},04,06C0"\n', hz, vectornav, 58)]
 
 
 def microstrain(model, hz=100):
@@ -160,9 +161,10 @@ PRODUCTS = [
     Product("stim300", "`stim300`, 1000 Hz (500, 125 Hz)", stim(1000), [stim(500)[0], stim(125)[1]],
             folded(2000, 1000, butterworth(262, 2000, 2)), hours=10, last_s=4096),
     Product("stim300", "`novatel-raw`, 125 Hz", [frame("novatel-raw", 125, novatel_raw, 56)], hours=10, last_s=4096),
-    # Register 85, as delivered: means of four samples.
-    Product("vn-100", "`vectornav`, binary, 200 Hz (50 Hz)", vn(200), vn(50), folded(800, 200, boxcar(4))),
-    Product("vn-100", "`vectornav`, VNYMR, 40 Hz", [Run('protocol = "vectornav"\n', 40, vectornav_text, 122)], (), folded(800, 40, boxcar(4))),
+    # Register 85, as delivered: means of four samples. A VN-200 has the rates of a VN-100.
+    Product("vn-100", "`vectornav`, VN-100, 200 Hz (50 Hz)", vn(200), vn(50), folded(800, 200, boxcar(4))),
+    Product("vn-100", "`vectornav`, VN-300, 100 Hz", vn(100, "vn-300", 400), (), folded(400, 100, boxcar(4))),
+    Product("vn-100", "`vectornav`, VN-100, VNYMR, 40 Hz", [Run('protocol = "vectornav"\n', 40, vectornav_text, 122)], (), folded(800, 40, boxcar(4))),
     # A single pole at half of the rate.
     *(Product(preset, f"`mip`, {model.upper()}, 100 Hz", microstrain(model), (), folded(1000, 100, butterworth(50, 1000, 1)))
       for preset, model in (("3dm-gx5-25", "3dm-gx5-25"), ("3dm-cv7", "3dm-cv7-ahrs"), ("3dm-cv7", "3dm-gq7"))),
@@ -174,8 +176,8 @@ PRODUCTS = [
     Product("mti-630", "`xsens-can`, 100 Hz", [Run('protocol = "xsens-can"\ndevice.messages = ["rate_of_turn", "acceleration", "delta_v"]\n', 100)],
             digits=(2.0**-9, 2.0**-8)),
     Product("sbg-ellipse", "`sbg-imu`, 200 Hz (50 Hz)", [frame("sbg-imu", 200, sbg, 41)], [frame("sbg-imu", 50, sbg, 41)]),
-    Product("sbg-ellipse", "`sbg-can`, 200 Hz (50 Hz)", *([Run(f'protocol = "sbg-can"\ndevice.output_rate_hz = {hz}\n', hz)] for hz in (200, 50)),
-            digits=(1e-3, 1e-2)),
+    # At a lower rate, steps of 1e-3 rad/s would hide a part of the flicker.
+    Product("sbg-ellipse", "`sbg-can`, 200 Hz", [Run('protocol = "sbg-can"\n', 200)], digits=(1e-3, 1e-2)),
     # Half of RawIMU's rate. Its floats of 16 bits have steps of 2^-7 m/s^2 on the axis that senses gravity.
     Product("icm-42688-p", "`dronecan`, 200 Hz", [Run('protocol = "dronecan"\n', 200)], (), folded(1000, 200, butterworth(100, 1000, 2)),
             (0, 2.0**-7 / 3**0.5)),
