@@ -121,7 +121,10 @@ List parse_list(std::string_view text) {
 }  // namespace
 
 Settings::Settings(std::span<const Setting> declared) : declared_(declared) {
-  for (const Setting& setting : declared) values_.push_back(initial_value(setting));
+  for (const Setting& setting : declared) {
+    values_.push_back(initial_value(setting));
+    if (setting.frames != nullptr) frames_ = *setting.frames;
+  }
 }
 
 std::size_t Settings::find(std::string_view key) const {

@@ -27,6 +27,8 @@ struct Setting {
   double max = 0;
   std::span<const std::string_view> choices = {};
   bool names_frames = false;  // the text names a FrameDescription, which Settings::attach() gets
+  // The description that Settings have from the start; nullptr: none.
+  const std::shared_ptr<const FrameDescription>* frames = nullptr;
 };
 
 // The rows of an entry's table, by the type of the initial value.

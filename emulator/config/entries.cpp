@@ -10,14 +10,15 @@
 #include <vector>
 
 #include "emulator/config/config_parts.hpp"
+#include "emulator/frames/described_protocols.hpp"
 
 namespace imud {
 
 std::optional<Entries> find_entries(const std::string& name) {
-  const Entries found{find_protocol(name), find_truth_format(name), find_transport(name), find_preset(name)};
+  const Entries found{resolve_protocol(name), find_truth_format(name), find_transport(name), find_preset(name)};
   if (found.protocol != nullptr || found.format != nullptr || found.transport != nullptr || found.preset != nullptr)
     return found;
-  std::vector<std::string> known = names(protocols());
+  std::vector<std::string> known = protocol_names();
   for (const auto& more : {names(truth_formats()), names(transports())})
     known.insert(known.end(), more.begin(), more.end());
   for (const auto all : {presets(), field_presets()})

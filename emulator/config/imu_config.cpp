@@ -7,6 +7,7 @@
 #include "emulator/config/config_parts.hpp"
 #include "emulator/config/line_load.hpp"
 #include "emulator/config/presets.hpp"
+#include "emulator/frames/described_protocols.hpp"
 
 namespace imud {
 namespace {
@@ -282,6 +283,9 @@ void fault_of_settings(TableReader& table, TableReader& device, std::span<const 
   for (const Setting& setting : settings)
     if (text.starts_with(fmt::format("{}: ", setting.key)))
       return device.fault(setting.key, text.substr(setting.key.size() + 2));
+  // The description of a described protocol.
+  if (constexpr std::string_view of_description = "frame_file: "; text.starts_with(of_description))
+    return table.fault("protocol", text.substr(of_description.size()));
   table.fault("device", text);
 }
 
@@ -297,12 +301,16 @@ ImuConfig read_imu(TableReader& table, std::size_t index) {
 
   require(table, "protocol", "one that `imud list` shows");
   const std::string protocol = table.text("protocol", "");
-  imu.protocol = entry(table, "protocol", protocol, protocols(), find_protocol(protocol));
+  imu.protocol = resolve_protocol(protocol);
+  if (imu.protocol == nullptr && !(protocol.empty() && !is_text(table, "protocol")))
+    table.fault("protocol", fmt::format("there is no \"{}\"; {}", protocol, suggestion(protocol, protocol_names())));
   std::optional<Product> product;
   std::optional<TableReader> device;
   if (imu.protocol != nullptr) {
     device.emplace(table.child("device"));
     imu.settings = read_settings(*device, imu.protocol->settings);
+    if (is_described(*imu.protocol) && device->node("frame_file") != nullptr)
+      device->fault("frame_file", frame_file_refusal(*imu.protocol));
     device->finish();
     try {
       static_cast<void>(imu.protocol->make(imu.settings));

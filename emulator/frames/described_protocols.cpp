@@ -1,0 +1,72 @@
+#include "emulator/frames/described_protocols.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <map>
+#include <memory>
+
+#include "emulator/frames/frame_file.hpp"
+
+namespace imud {
+namespace {
+
+struct Described {
+  std::shared_ptr<const FrameDescription> description;
+  std::vector<Setting> settings;
+  Protocol protocol;
+};
+
+// The entry of protocol `frame`, with the description in place of the key that names one.
+void describe(const ShippedFrames& shipped, Described& described) {
+  described.description = read_frames(std::string(shipped.name));
+  described.protocol = *find_protocol("frame");
+  for (Setting setting : described.protocol.settings) {
+    if (setting.names_frames) continue;
+    setting.frames = &described.description;
+    described.settings.push_back(setting);
+  }
+  described.protocol.name = shipped.name;
+  described.protocol.summary = described.description->name;
+  described.protocol.document = described.description->document;
+  described.protocol.settings = described.settings;
+}
+
+const Protocol* described_protocol(const ShippedFrames& shipped) {
+  static std::map<std::string_view, Described> known;
+  const auto [place, is_new] = known.try_emplace(shipped.name);
+  if (is_new) describe(shipped, place->second);
+  return &place->second.protocol;
+}
+
+}  // namespace
+
+const Protocol* resolve_protocol(std::string_view name) {
+  if (const Protocol* entry = find_protocol(name)) return entry;
+  const auto shipped = std::ranges::find(shipped_frames(), name, &ShippedFrames::name);
+  return shipped != shipped_frames().end() ? described_protocol(*shipped) : nullptr;
+}
+
+bool is_described(const Protocol& protocol) {
+  return std::ranges::any_of(protocol.settings, [](const Setting& setting) { return setting.frames != nullptr; });
+}
+
+std::vector<const Protocol*> described_protocols() {
+  std::vector<const Protocol*> all;
+  for (const ShippedFrames& shipped : shipped_frames()) all.push_back(described_protocol(shipped));
+  return all;
+}
+
+std::vector<std::string> protocol_names() {
+  std::vector<std::string> all;
+  for (const Protocol* protocol : protocols()) all.emplace_back(protocol->name);
+  for (const ShippedFrames& shipped : shipped_frames()) all.emplace_back(shipped.name);
+  return all;
+}
+
+std::string frame_file_refusal(const Protocol& protocol) {
+  return fmt::format("protocol \"{}\" has its description; omit the key, or give protocol = \"frame\"",
+                     protocol.name);
+}
+
+}  // namespace imud

@@ -1,0 +1,31 @@
+// The shipped descriptions of frames as protocols: `protocol = "hipnuc"` is `frame` with the description hipnuc.
+#pragma once
+
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "protocols/protocol.hpp"
+
+namespace imud {
+
+// Returns the entry of protocols() with that name, or else the shipped description of that name as a protocol;
+// nullptr if there is neither. A described protocol has the name, summary and document of the description, which
+// Settings of its `settings` have attached; its key `frame_file` does not exist. It is made once and stays to the end
+// of the program. One thread at a time.
+const Protocol* resolve_protocol(std::string_view name);
+
+// Returns true if the protocol is a shipped description.
+bool is_described(const Protocol& protocol);
+
+// Returns all shipped descriptions as protocols, sorted by name.
+std::vector<const Protocol*> described_protocols();
+
+// Returns the names that resolve_protocol() knows: of protocols(), then of the shipped descriptions.
+std::vector<std::string> protocol_names();
+
+// The fault of a `frame_file` that is given beside a described protocol, and the remedy.
+std::string frame_file_refusal(const Protocol& protocol);
+
+}  // namespace imud
