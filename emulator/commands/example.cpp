@@ -5,9 +5,11 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <stdexcept>
 #include <string_view>
 
 #include "emulator/config/entries.hpp"
+#include "emulator/config/line_load.hpp"
 #include "emulator/plan/config.hpp"
 
 namespace imud {
@@ -79,19 +81,40 @@ std::string model_text(const Protocol& protocol, const Preset* preset) {
   return comment(preset->summary(), std::string(preset->source())) + fmt::format("model = \"{}\"\n", preset->name);
 }
 
+// Returns a sample rate, Hz, at which the messages of a protocol that is no product are possible and fit on the line.
+double example_rate_hz(const Protocol& protocol, const Transport& port) {
+  constexpr double usual = 200;
+  for (const double rate_hz : {usual, 100.0, 50.0, 20.0, 10.0, 1000.0}) try {
+      ImuConfig imu;
+      imu.protocol = &protocol;
+      imu.settings = Settings(protocol.settings);
+      imu.rate_hz = rate_hz;
+      imu.port = port.example;
+      imu.port_settings.uart = protocol.make(imu.settings)->uart();
+      if (protocol.check != nullptr) protocol.check(imu.settings, rate_hz);
+      if (line_load(imu).percent <= 100.0) return rate_hz;
+    } catch (const std::invalid_argument&) {
+      continue;  // a message is sent more often
+    }
+  return usual;
+}
+
 std::string imu_text(const Protocol& protocol, const Transport& port, const Preset* preset) {
   std::string text = "\n[[imu]]\n#name = \"imu1\"\n" + comment(protocol.summary, std::string(protocol.document)) +
                      fmt::format("protocol = \"{}\"\n", protocol.name) + port_text("port", port, port.example);
   if (protocol.has_second_uart)
     text += "# where the product's second UART is connected\n#second_port = \"pty:imu1.2\"\n";
-  if (protocol.product == nullptr) text += "# samples per second\nrate_hz = 200\n";
+  if (protocol.product == nullptr)
+    text += fmt::format("# samples per second\nrate_hz = {}\n", example_rate_hz(protocol, port));
   text += model_text(protocol, preset);
   if (!protocol.settings.empty()) text += "\n[imu.device]\n" + settings_text(protocol.settings);
   if (protocol.has_sync_pins)
     text +=
         "\n[imu.sync]\n# pins, as UDP ports: protocols/README.md\n#trigger_port = \"udp:127.0.0.1:9811\"\n"
         "#pps_port = \"udp:127.0.0.1:9812\"\n#tov_port = \"udp:127.0.0.1:9813\"\n";
-  if (protocol.product == nullptr && preset == nullptr)
+  const bool has_preset =
+      preset != nullptr || find_preset(default_model(protocol, Settings(protocol.settings))) != nullptr;
+  if (protocol.product == nullptr && !has_preset)
     text +=
         "\n[imu.gyro]\n# range of each axis\nmax_rad_per_s = 10\n\n[imu.accelerometer]\n# range of each axis\n"
         "max_m_per_s2 = 200\n";

@@ -12,7 +12,7 @@
 
 #include "emulator/config/entries.hpp"
 #include "emulator/faults/fault_kinds.hpp"
-#include "emulator/frames/frame_file.hpp"
+#include "emulator/frames/described_protocols.hpp"
 #include "emulator/plan/fault_units.hpp"
 #include "protocols/quantities/truth_quantities.hpp"
 
@@ -59,12 +59,11 @@ Json described(const Protocol& protocol) {
   json["link"] = protocol.link == Link::can ? "CAN" : "bytes";
   json["models"] = default_models(protocol);
   json["settings"] = described(protocol.settings);
+  if (is_described(protocol)) json["layout"] = protocol.layout(Settings(protocol.settings));
   if (std::ranges::any_of(protocol.settings, &Setting::names_frames))
-    for (const ShippedFrames& shipped : shipped_frames()) {
-      const auto description = read_frames(std::string(shipped.name));
+    for (const Protocol* described : described_protocols())
       json["descriptions"].push_back(
-          {{"name", shipped.name}, {"summary", description->name}, {"document", description->document}});
-    }
+          {{"name", described->name}, {"summary", described->summary}, {"document", described->document}});
   json["counters"] = Json::array();
   for (const DeviceCounter& counter : protocol.counters)
     json["counters"].push_back({{"key", counter.key}, {"help", counter.words}});
@@ -150,6 +149,7 @@ void print(const Json& entry) {
   }
   for (const char* key : {"settings", "options"})
     if (entry.contains(key)) print_table(key, entry[key]);
+  for (const Json& line : entry.value("layout", Json::array())) fmt::print("  {}\n", line.get<std::string>());
   if (entry.contains("descriptions")) fmt::print("  descriptions that are shipped:\n");
   for (const Json& shipped : entry.value("descriptions", Json::array()))
     fmt::print("  {:<24} {} [{}]\n", text(shipped, "name"), text(shipped, "summary"), text(shipped, "document"));
@@ -199,8 +199,8 @@ void print_faults() {
 
 // Prints the entries of one table, a line each.
 template <class Entry>
-void print_lines(std::string_view kind, std::span<const Entry* const> entries) {
-  fmt::print("{}s\n", kind);
+void print_lines(std::string_view title, std::span<const Entry* const> entries) {
+  fmt::print("{}\n", title);
   for (const Entry* entry : entries) {
     fmt::print("  {:<12} {}", entry->name, entry->summary);
     if constexpr (std::is_same_v<Entry, Transport>) fmt::print("; {}", entry->syntax);
@@ -209,9 +209,10 @@ void print_lines(std::string_view kind, std::span<const Entry* const> entries) {
 }
 
 void print_lines() {
-  print_lines("protocol", protocols());
-  print_lines("truth format", truth_formats());
-  print_lines("transport", transports());
+  print_lines("protocols", protocols());
+  print_lines("protocols that a shipped description has", std::span<const Protocol* const>(described_protocols()));
+  print_lines("truth formats", truth_formats());
+  print_lines("transports", transports());
   fmt::print("presets\n");
   for (const auto all : {presets(), field_presets()})
     for (const Preset& preset : all) fmt::print("  {:<12} {} [{}]\n", preset.name, preset.summary(), preset.source());
@@ -243,6 +244,7 @@ int list(const std::string& name, bool json) {
     add(entries->preset);
   } else {
     for (const Protocol* protocol : protocols()) add(protocol);
+    for (const Protocol* protocol : described_protocols()) add(protocol);
     for (const TruthFormat* format : truth_formats()) add(format);
     for (const Transport* transport : transports()) add(transport);
     for (const auto all : {presets(), field_presets()})

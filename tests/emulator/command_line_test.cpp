@@ -7,6 +7,7 @@
 #include <set>
 
 #include "emulator/config/presets.hpp"
+#include "emulator/frames/described_protocols.hpp"
 #include "protocols/protocol.hpp"
 #include "protocols/truth_format.hpp"
 #include "tests/support/text.hpp"
@@ -45,6 +46,7 @@ TEST(CommandLine, HelpIsThatOfTheOption) {
 std::vector<std::string> all_names() {
   std::set<std::string_view> names;
   for (const Protocol* protocol : protocols()) names.insert(protocol->name);
+  for (const Protocol* protocol : described_protocols()) names.insert(protocol->name);
   for (const TruthFormat* format : truth_formats()) names.insert(format->name);
   for (const Transport* transport : transports()) names.insert(transport->name);
   for (const Preset& preset : presets()) names.insert(preset.name);
@@ -55,19 +57,26 @@ std::vector<std::string> all_names() {
 TEST(List, ShowsWhatAnEntryHas) {
   EXPECT_GE(all_names().size(), 12U);
   std::size_t counters = 0;
+  const std::string all = run_program("imud", {"list"}).output;
   for (const std::string& name : all_names()) {
     const std::string text = run_program("imud", {"list", name}).output;
     const auto json = nlohmann::json::parse(run_program("imud", {"list", name, "--json"}).output);
     std::vector<std::string_view> words;
     std::vector<Preset::Figure> figures;
     std::size_t entries = 0;
-    if (const Protocol* protocol = find_protocol(name)) {
+    if (const Protocol* protocol = resolve_protocol(name)) {
       ++entries;
       words.insert(words.end(), {protocol->summary, protocol->document});
       for (const Setting& setting : protocol->settings) words.insert(words.end(), {setting.key, setting.help});
       for (const DeviceCounter& counter : protocol->counters) {
         words.insert(words.end(), {counter.key, counter.words});
         ++counters;
+      }
+      if (is_described(*protocol)) {
+        const Settings settings(protocol->settings);
+        for (const std::string& line : protocol->layout(settings)) EXPECT_TRUE(contains(text, line)) << name;
+        EXPECT_TRUE(contains(text, fmt::format("model in [[imu]]: {}\n", default_model(*protocol, settings))));
+        EXPECT_TRUE(contains(all, fmt::format("  {:<12} {} [{}]\n", name, protocol->summary, protocol->document)));
       }
       ASSERT_TRUE(json[0].contains("counters"));
       EXPECT_EQ(json[0]["counters"].size(), protocol->counters.size()) << name;
@@ -102,6 +111,7 @@ TEST(List, ShowsWhatAnEntryHas) {
   const auto unknown = run_program("imud", {"list", "stim30"});
   EXPECT_EQ(unknown.exit_code, 2);
   EXPECT_TRUE(contains(unknown.errors, "did you mean \"stim300\"?")) << unknown.errors;
+  EXPECT_TRUE(contains(run_program("imud", {"list", "hipnuk"}).errors, "did you mean \"hipnuc\"?"));
 }
 
 // With the comments before keys, and without them.
@@ -120,7 +130,7 @@ TEST(Example, IsAcceptedForEveryName) {
     }
     const auto complete = run_program("imud", {"check", "-"}, all);
     EXPECT_EQ(complete.exit_code, 0) << name << all << complete.errors;
-    const Protocol* protocol = find_protocol(name);
+    const Protocol* protocol = resolve_protocol(name);
     const TruthFormat* format = find_truth_format(name);
     EXPECT_GE(keys, (protocol == nullptr ? 0 : protocol->settings.size()) +
                         (format == nullptr ? 0 : format->settings.size()) + 2)
