@@ -101,6 +101,33 @@ TEST(ImuDecodeFrame, ALineCarriesWhatIsDescribed) {
                        "slow.toml: line 3: message \"1\": rate_hz is 150, but with rate_hz = 100"));
 }
 
+TEST(ImuDecodeFrame, DecodesAShippedDescriptionByItsName) {
+  const ScratchFolder folder;
+  write(folder / "truth.csv", truth());
+  write(folder / "imud.toml", "clock = \"fast\"\n[truth]\nport = \"file:" + (folder / "truth.csv") +
+                                  "\"\nformat = \"csv\"\naccumulated_dv = \"none\"\n[[imu]]\nname = \"imu1\"\n"
+                                  "protocol = \"hg4930\"\nrate_hz = 100\nport = \"file:" +
+                                  (folder / "out.bin") + "\"\n");
+  const auto checked = run_program("imud", {"check", folder / "imud.toml"});
+  EXPECT_TRUE(contains(checked.output, "imu1     hg4930 at 100 Hz to ")) << checked.output << checked.errors;
+  EXPECT_TRUE(contains(checked.output, "errors of the model hg4930-ca51: Honeywell HG4930 CA51")) << checked.output;
+  EXPECT_EQ(run_program("imud", {"run", folder / "imud.toml"}).exit_code, 0);
+  const auto decoded =
+      run_program("imu-decode", {"hg4930", "file:" + (folder / "out.bin"), "--quiet", "--require", "checksum=0"});
+  EXPECT_EQ(decoded.exit_code, 0) << decoded.errors;
+  EXPECT_EQ(decoded.errors,
+            run_program("imu-decode", {"frame", "file:" + (folder / "out.bin"), "--quiet", "--frame-file", "hg4930"})
+                .errors);
+  const auto both =
+      run_program("imu-decode", {"hg4930", "file:" + (folder / "out.bin"), "--frame-file", folder / "mine.toml"});
+  EXPECT_EQ(both.exit_code, 2);
+  EXPECT_TRUE(contains(both.errors, "frame_file: protocol \"hg4930\" has its description; omit the key"))
+      << both.errors;
+  EXPECT_TRUE(contains(run_program("imu-decode", {"hg4390", "file:" + (folder / "out.bin")}).errors,
+                       "did you mean 'hg4930'?"));
+  EXPECT_TRUE(contains(run_program("imu-decode", {"--help"}).output, "  hg4930           Honeywell HG4930\n"));
+}
+
 TEST(ImuDecodeFrame, ReportsEveryFaultOfADescription) {
   const ScratchFolder folder;
   write(folder / "mine.toml",

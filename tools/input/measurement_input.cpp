@@ -9,6 +9,7 @@
 #include <stdexcept>
 
 #include "core/numbers/nearest.hpp"
+#include "emulator/frames/described_protocols.hpp"
 #include "tools/input/log_formats.hpp"
 #include "tools/number_check.hpp"
 #include "tools/program.hpp"
@@ -30,7 +31,7 @@ void add_input_options(CLI::App& app, DecodeOptions& options) {
       ->allow_extra_args(false);
   app.add_option_function<std::string>(
          "--frame-file", [&options](const std::string& file) { options.settings.push_back("frame_file=" + file); },
-         "protocol frame: the file that describes the frames, or the name of a shipped description")
+         "protocol frame: the file that describes the frames")
       ->type_name("FILE");
   add(app, "--for", options.for_s, "SECONDS", "ends after this time of the host's clock")
       ->check(number_check(0, 1e9));
@@ -48,6 +49,9 @@ std::string known_protocols() {
     }
   };
   list("Protocols:\n", protocols());
+  text += "Protocols by a shipped description, with the settings of frame but for frame_file:\n";
+  for (const Protocol* protocol : described_protocols())
+    text += fmt::format("  {:<16} {}\n", protocol->name, protocol->summary);
   list("Logs, in place of a protocol:\n", log_formats());
   return text;
 }
@@ -62,13 +66,15 @@ std::string known_ports() {
 const Protocol& protocol_for(const DecodeOptions& options) {
   const Protocol* protocol = find_input_format(options.protocol);
   if (protocol == nullptr) {
-    std::vector<std::string> names;
-    for (const auto& list : {protocols(), log_formats()})
-      for (const Protocol* one : list) names.emplace_back(one->name);
+    std::vector<std::string> names = protocol_names();
+    for (const Protocol* one : log_formats()) names.emplace_back(one->name);
     const std::string meant = nearest(options.protocol, names);
     throw std::invalid_argument(fmt::format("there is no protocol '{}'; {}--help lists all", options.protocol,
                                             meant.empty() ? "" : fmt::format("did you mean '{}'? ", meant)));
   }
+  if (is_described(*protocol) &&
+      std::ranges::any_of(options.settings, [](const std::string& text) { return text.starts_with("frame_file="); }))
+    throw std::invalid_argument("frame_file: " + frame_file_refusal(*protocol));
   const std::string scheme = PortSpec::parse(options.port).scheme;
   const Transport* transport = find_transport(scheme);
   const bool wants_can = protocol->link == Link::can;
