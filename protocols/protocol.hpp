@@ -224,8 +224,8 @@ struct Protocol {
 
   // nullptr: this is no product, and its configuration must be complete. Throws as make does.
   Product (*product)(const Settings& settings) = nullptr;
-  // Returns the name of the model (a preset of the emulator) whose errors a product with these settings has unless
-  // its configuration names another. nullptr: the errors of `product`.
+  // Returns the name of the model (a preset of the emulator, or "white") whose errors a unit with these settings has
+  // unless its configuration names another. nullptr: "white", the errors of `product`.
   std::string_view (*preset)(const Settings& settings) = nullptr;
 
   // Returns the layout of the frames that a unit with these settings sends, as lines for people. Throws as make does.

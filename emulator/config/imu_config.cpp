@@ -8,6 +8,7 @@
 #include "emulator/config/line_load.hpp"
 #include "emulator/config/presets.hpp"
 #include "emulator/frames/described_protocols.hpp"
+#include "protocols/frames/layout/frame_description.hpp"
 
 namespace imud {
 namespace {
@@ -168,6 +169,22 @@ const Preset* read_model(TableReader& table, std::string_view own, std::string& 
   return nullptr;
 }
 
+// Returns the model that an imu has by its protocol and its settings. Adds a fault if a description names one that
+// does not exist.
+std::string_view own_model(TableReader& table, const ImuConfig& imu) {
+  constexpr std::string_view none = "white";
+  if (imu.protocol == nullptr) return none;
+  const std::string_view model = default_model(*imu.protocol, imu.settings);
+  const auto& description = imu.settings.frames();
+  if (description == nullptr || model == none || std::ranges::count(presets(), model, &Preset::name) > 0)
+    return model;
+  std::vector<std::string> words;
+  for (const Preset& known : presets()) words.emplace_back(known.name);
+  table.child("device").fault("frame_file", fmt::format("{}: model: there is no preset \"{}\"; {}", description->file,
+                                                        model, suggestion(model, words)));
+  return none;
+}
+
 // Adapts a preset's errors to a product. The product's own preset gets the range and the resolution of the wire.
 // Another sensor's range is limited to the product's range.
 void fit(TriadErrors& errors, const TriadErrors& product, bool is_own) {
@@ -227,7 +244,7 @@ void read_errors(TableReader& table, const std::optional<Product>& product, ImuC
     magnetometer = product->magnetometer;
     imu.model.barometer = product->barometer;
   }
-  const std::string_view own = imu.protocol != nullptr ? default_model(*imu.protocol, imu.settings) : "white";
+  const std::string_view own = own_model(table, imu);
   const Preset* preset = read_model(table, own, imu.errors_model);
   const std::optional<SensorFilters> filters = read_device_filters(table, preset, imu);
   double internal_hz = 0;

@@ -30,6 +30,9 @@ void describe(const ShippedFrames& shipped, Described& described) {
   described.protocol.summary = described.description->name;
   described.protocol.document = described.description->document;
   described.protocol.settings = described.settings;
+  described.protocol.preset = nullptr;
+  if (!described.description->model.empty())
+    described.protocol.preset = [](const Settings& settings) { return std::string_view(settings.frames()->model); };
 }
 
 const Protocol* described_protocol(const ShippedFrames& shipped) {

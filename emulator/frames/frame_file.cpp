@@ -230,6 +230,9 @@ void read_root(TableReader& table, Faults& faults, toml::table& resolved, FrameD
   require(table, "name", "the name of the product");
   description.name = table.text("name", "");
   description.document = table.text("document", "");
+  description.model = table.text("model", "");
+  if (is_path_of_frames(description.model))
+    table.fault("model", "give the name of a preset, one that imud list shows");
   const bool big = is_big(table, false);
   description.escape = static_cast<FrameEscape>(table.choice("escape", escape_names, 0));
   description.uart = read_line(table.child("line"), description.baud_setting);
@@ -278,7 +281,7 @@ std::shared_ptr<const FrameDescription> frames_of_text(std::string_view text, co
 }
 
 std::shared_ptr<const FrameDescription> read_frames(const std::string& name) {
-  if (name.find('/') != name.npos || name.ends_with(".toml")) return frames_of_text(content_of(name), name);
+  if (is_path_of_frames(name)) return frames_of_text(content_of(name), name);
   std::vector<std::string> words;
   for (const ShippedFrames& shipped : shipped_frames()) {
     if (shipped.name == name) return frames_of_text(shipped.text, name);

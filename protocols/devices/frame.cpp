@@ -10,6 +10,7 @@
 #include <memory>
 #include <stdexcept>
 #include <string>
+#include <string_view>
 
 #include "core/units.hpp"
 #include "protocols/frames/frame_device.hpp"
@@ -57,6 +58,14 @@ FrameDescription description_of(const Settings& settings) {
   if (!settings.text("frame_file").empty())
     throw std::invalid_argument("frame_file: the file was not read; this program cannot use it");
   return example();
+}
+
+// A shipped description has its model as a protocol of its own, not as the file of this one.
+std::string_view model_of(const Settings& settings) {
+  const auto& description = settings.frames();
+  return description == nullptr || description->model.empty() || !is_path_of_frames(description->file)
+             ? "white"
+             : std::string_view(description->model);
 }
 
 UartSettings uart_of(const FrameDescription& description, const Settings& settings) {
@@ -223,6 +232,7 @@ extern constexpr Protocol frame_protocol = {
               .temperature_c = (i16_end - 1) * temperature_lsb},
     .sends_some_samples = true,
     .counters = counters,
+    .preset = model_of,
     .layout = layout_of,
     .check = check_rates,
     .make = [](const Settings& chosen) -> std::unique_ptr<Device> {

@@ -74,9 +74,10 @@ struct FrameDescription {
     std::byte pattern{};   // and each byte of rates, specific forces and increments has this value; 0: as they are
   };
 
-  std::string file;      // for messages to users
+  std::string file;      // its path, or the name of a shipped description
   std::string name;      // of the product
   std::string document;  // and its edition
+  std::string model;     // the preset of the emulator that has the product's errors; empty: none is known
   UartSettings uart;     // baud 0: not given
   Start start;
   FrameEscape escape = FrameEscape::none;
@@ -86,6 +87,11 @@ struct FrameDescription {
   FrameHostDescription host;
   std::string baud_setting;  // that has the bit rate of the line; empty: `uart`
 };
+
+// Returns true if the name of a description is the path of a file, and false if it is a shipped one's.
+inline bool is_path_of_frames(std::string_view name) noexcept {
+  return name.find('/') != std::string_view::npos || name.ends_with(".toml");
+}
 
 // A fault of a description, and its remedy.
 struct FrameFault {

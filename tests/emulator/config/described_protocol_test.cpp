@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "core/units.hpp"
 #include "emulator/config/load_config.hpp"
 #include "emulator/config/presets.hpp"
 #include "emulator/frames/described_protocols.hpp"
@@ -38,6 +39,14 @@ class DescribedProtocol : public testing::Test {
     }
     return "no fault";
   }
+  // A file of a user, with this line at its top.
+  std::string user_file(const std::string& line) const {
+    const std::string path = folder_ / "mine.toml";
+    std::ofstream(path) << "frame_version = 1\nname = \"mine\"\n"
+                        << line << "\n[[message]]\nlayout = [\"55 AA\", \"rate_x_deg_per_s:f32\"]\n";
+    return "protocol = \"frame\"\ndevice.frame_file = \"" + path + "\"\n";
+  }
+
   ScratchFolder folder_;
   const std::string path_ = folder_ / "config.toml";
   const std::string ranges_ = "gyro.max_rad_per_s = 10\naccelerometer.max_m_per_s2 = 100\n";
@@ -124,6 +133,41 @@ TEST_F(DescribedProtocol, IsConfiguredAsAnyOther) {
                  "protocol = \"frame\""));
   // The fault of the description is one of the protocol.
   EXPECT_TRUE(contains(fault("protocol = \"kvh1750\"\n"), "imu.0.protocol: kvh1750: line "));
+}
+
+TEST_F(DescribedProtocol, HasTheModelOfItsDescription) {
+  std::set<std::string_view> with_model;
+  for (const Protocol* protocol : described_protocols()) {
+    const Settings settings(protocol->settings);
+    const std::string& model = settings.frames()->model;
+    EXPECT_EQ(default_model(*protocol, settings), model.empty() ? "white" : model) << protocol->name;
+    if (model.empty()) continue;
+    with_model.insert(protocol->name);
+    EXPECT_EQ(std::ranges::count(presets(), model, &Preset::name), 1) << protocol->name;
+  }
+  EXPECT_EQ(with_model, (std::set<std::string_view>{"hg4930", "kvh1750", "novatel-raw"}));
+
+  // A preset has the ranges.
+  const ImuConfig own = imu("protocol = \"hg4930\"\n");
+  EXPECT_EQ(own.errors_model, "hg4930-ca51");
+  EXPECT_NEAR(own.model.gyro.max, 400 * units::degree, 1e-12);
+  EXPECT_EQ(imu("protocol = \"hg4930\"\nmodel = \"hg4930-aa51\"\n").errors_model, "hg4930-aa51");
+  EXPECT_EQ(imu("protocol = \"hg4930\"\nmodel = \"white\"\n" + ranges_).errors_model, "white");
+  // A configuration that names the description by frame_file keeps its errors.
+  EXPECT_EQ(imu("protocol = \"frame\"\ndevice.frame_file = \"hg4930\"\n" + ranges_).errors_model, "white");
+}
+
+TEST_F(DescribedProtocol, AUsersFileMayNameAModel) {
+  EXPECT_EQ(imu(user_file("model = \"adis16470\"")).errors_model, "adis16470");
+  EXPECT_EQ(imu(user_file("") + ranges_).errors_model, "white");
+  EXPECT_EQ(imu(user_file("model = \"adis16470\"") + "model = \"vn-100\"\n").errors_model, "vn-100");
+  const std::string unknown = fault(user_file("model = \"adis16471\"") + ranges_);
+  EXPECT_TRUE(contains(unknown, "imu.0.device.frame_file: ")) << unknown;
+  EXPECT_TRUE(contains(unknown, "mine.toml: model: there is no preset \"adis16471\"; did you mean \"adis16470\"?"))
+      << unknown;
+  // A magnetometer is no model of an imu, and a path leads out of the folder.
+  EXPECT_TRUE(contains(fault(user_file("model = \"rm3100\"") + ranges_), "there is no preset \"rm3100\""));
+  EXPECT_TRUE(contains(fault(user_file("model = \"../other.toml\"") + ranges_), "model: give the name of a preset"));
 }
 
 }  // namespace
