@@ -19,4 +19,8 @@ std::optional<Device::Pulse> Device::pulse() const noexcept { return std::nullop
 
 void Decoder::finish(MeasurementSink&) {}
 
+std::unique_ptr<FrameSeal> make_seal(const Protocol& protocol, const Settings& settings) {
+  return protocol.make_seal != nullptr ? protocol.make_seal(settings) : nullptr;
+}
+
 }  // namespace imud

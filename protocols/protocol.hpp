@@ -13,6 +13,7 @@
 #include "core/imu.hpp"
 #include "core/sample.hpp"
 #include "core/uart.hpp"
+#include "protocols/frame_seal.hpp"
 #include "protocols/settings.hpp"
 
 namespace imud {
@@ -202,14 +203,9 @@ struct Protocol {
   bool has_checksum = false;  // every one-bit error of a frame is detected; false: some are not
   // The longest burst of errors that is always detected, in bits; each byte is counted from its LSB.
   unsigned burst_bits = 0;
-  // Writes the right checksum to `frame`, a whole frame of the product, and returns its bytes that can change without
-  // a change of the framing. Empty, and nothing is written, if the bytes are no such frame. nullptr: no frame has a
-  // checksum of its own. `can`: its header.
-  std::span<std::byte> (*reseal)(std::span<std::byte> frame, const CanHeader& can) noexcept = nullptr;
-  // Where a checksum covers a transfer of several CAN frames, reseal() takes the data of these, one after another.
-  // Returns how many of `frames`, from the first one on, are a transfer, at least 1; there is a first one. nullptr:
-  // each frame has its own checksum.
-  std::size_t (*transfer_frames)(std::span<const Frame> frames) noexcept = nullptr;
+  // Makes the writer of the checks of a unit with these settings; it returns nullptr if no frame of it has one.
+  // nullptr: no frame of any unit has one. Throws as make does.
+  std::unique_ptr<FrameSeal> (*make_seal)(const Settings& settings) = nullptr;
 
   bool has_sync_pins = false;                    // Device's trigger(), pps() and pulse()
   bool has_second_uart = false;                  // Device's connect_second_uart() and second_uart()
@@ -242,6 +238,9 @@ struct Protocol {
   std::unique_ptr<Device> (*make)(const Settings& settings) = nullptr;
   std::unique_ptr<Decoder> (*make_decoder)(const Settings& settings) = nullptr;
 };
+
+// Returns the writer of the checks of a unit; nullptr if no frame of it has one. Throws as make does.
+std::unique_ptr<FrameSeal> make_seal(const Protocol& protocol, const Settings& settings);
 
 // The table, made by the build from the files in protocols/devices, sorted by name.
 std::span<const Protocol* const> protocols() noexcept;

@@ -80,7 +80,7 @@ FaultConfig read_begun_fault(std::string_view text, std::size_t number, std::spa
                                 fault.kind->name));
   for (const ImuConfig& imu : imus)
     if (fault.acts_on(imu.name))
-      if (const std::string objection = fault_objection(*fault.kind, *imu.protocol); !objection.empty())
+      if (const std::string objection = fault_objection(*fault.kind, *imu.protocol, imu.settings); !objection.empty())
         wrong.push_back(fmt::format("{}: {}", imu.name, objection));
   return fault;
 }
@@ -106,7 +106,7 @@ void read_scenarios(TableReader& table, std::span<const std::string> scenarios, 
       if (kind == nullptr) return;
       for (const ImuConfig& imu : config.imus)
         if (imu.protocol != nullptr && config.faults.back().acts_on(imu.name))
-          if (const std::string objection = fault_objection(*kind, *imu.protocol); !objection.empty())
+          if (const std::string objection = fault_objection(*kind, *imu.protocol, imu.settings); !objection.empty())
             reader.fault("kind", fmt::format("{}: {}", imu.name, objection));
     });
     read_each(from, "expect", of_file, resolved_expectations, [&](TableReader& reader) {

@@ -26,8 +26,8 @@ const FaultKind* find_fault_kind(std::string_view name, std::string_view target)
   return nullptr;
 }
 
-std::string fault_objection(const FaultKind& kind, const Protocol& protocol) {
-  if (kind.seam == FaultSeam::wire) return wire_fault_objection(kind, protocol);
+std::string fault_objection(const FaultKind& kind, const Protocol& protocol, const Settings& settings) {
+  if (kind.seam == FaultSeam::wire) return wire_fault_objection(kind, protocol, settings);
   if (!kind.needs_self_test || protocol.has_self_test) return {};
   std::string right;
   for (const Protocol* other : protocols())

@@ -23,6 +23,6 @@ std::span<const FaultKind* const> fault_kinds() noexcept;
 const FaultKind* find_fault_kind(std::string_view name, std::string_view target) noexcept;
 
 // Returns why the product cannot have a fault of this kind, and which it can have; empty if it can.
-std::string fault_objection(const FaultKind& kind, const Protocol& protocol);
+std::string fault_objection(const FaultKind& kind, const Protocol& protocol, const Settings& settings);
 
 }  // namespace imud

@@ -91,26 +91,31 @@ void WireChange::cut(ChangingFrame& frame) noexcept {
   frame.resize(static_cast<std::size_t>(std::min(size, bytes > 0 ? bytes : fraction * size)));
 }
 
-// The checksum of the frame with another bit of the content: with that content, or with the right one.
-ChangingFrame& WireChange::reseal(ChangingFrame& frame, ChangingFrame& other, const Protocol& protocol,
+// The checks of the frame with another bit of the content: with that content, or with the right one.
+ChangingFrame& WireChange::reseal(ChangingFrame& frame, ChangingFrame& other, FrameSeal* seal,
                                   const CanHeader& can) noexcept {
-  if (!numbers_.happens(fault_.parameters[0] * fault_.weight) || protocol.reseal == nullptr) return frame;
+  if (!numbers_.happens(fault_.parameters[0] * fault_.weight) || seal == nullptr) return frame;
   const double u = numbers_.uniform();
-  other.assign(frame.bytes());
-  const std::span<std::byte> content = protocol.reseal(other.bytes(), can);
+  const auto open = [&] { other.resize(seal->open(frame.bytes(), other.room())); };
+  open();
+  const std::span<std::byte> content = seal->reseal(other.bytes(), can);
   if (content.empty()) return frame;
   const std::size_t begin = static_cast<std::size_t>(content.data() - other.bytes().data()),
                     bits = 8 * content.size();
   const auto first = static_cast<std::size_t>(u * static_cast<double>(bits));
   for (std::size_t i = 0; i < bits; ++i) {
-    const std::size_t bit = (first + i) % bits;
-    other.assign(frame.bytes());
-    std::byte& changed = other.bytes()[begin + bit / 8];
-    changed ^= static_cast<std::byte>(1U << bit % 8);
-    const std::span<std::byte> same = protocol.reseal(other.bytes(), can);
+    const std::size_t number = (first + i) % bits;
+    const auto bit = static_cast<std::byte>(1U << number % 8);
+    open();
+    std::byte& changed = other.bytes()[begin + number / 8];
+    changed ^= bit;
+    const std::byte wrong = changed;
+    const std::span<std::byte> same = seal->reseal(other.bytes(), can);
     if (same.data() != content.data() || same.size() != content.size()) continue;  // a frame of another form
-    if (kind_ == WireFault::checksum_wrong) changed ^= static_cast<std::byte>(1U << bit % 8);
-    return other;
+    if (((changed ^ wrong) & bit) != std::byte{0}) continue;                       // a bit of a check
+    if (kind_ == WireFault::checksum_wrong) changed ^= bit;
+    frame.resize(seal->close(other.bytes(), frame.room()));
+    return frame;
   }
   return frame;
 }
@@ -126,8 +131,8 @@ ChangingFrame& WireChange::resample(ChangingFrame& frame, ChangingFrame& other, 
   return other;
 }
 
-ChangingFrame& WireChange::change(ChangingFrame& frame, ChangingFrame& other, const Protocol& protocol,
-                                  const CanHeader& can, const UartSettings& uart, bool is_last) noexcept {
+ChangingFrame& WireChange::change(ChangingFrame& frame, ChangingFrame& other, FrameSeal* seal, const CanHeader& can,
+                                  const UartSettings& uart, bool is_last) noexcept {
   switch (kind_) {
     case WireFault::bit_errors:
       change_bits(frame.bytes());
@@ -142,7 +147,7 @@ ChangingFrame& WireChange::change(ChangingFrame& frame, ChangingFrame& other, co
       return frame;
     case WireFault::checksum_wrong:
     case WireFault::content_wrong:
-      return reseal(frame, other, protocol, can);
+      return reseal(frame, other, seal, can);
     case WireFault::baud_wrong:
       return resample(frame, other, uart, is_last);
     case WireFault::garbage:

@@ -11,7 +11,7 @@
 #include "emulator/faults/fault_numbers.hpp"
 #include "emulator/faults/wire_faults.hpp"
 #include "emulator/plan/fault.hpp"
-#include "protocols/protocol.hpp"
+#include "protocols/frame_seal.hpp"
 #include "transports/uart/uart_wire.hpp"
 
 namespace imud {
@@ -46,9 +46,10 @@ class WireChange {
   WireFault kind() const noexcept { return kind_; }
   FaultNumbers& numbers() noexcept { return numbers_; }
 
-  // Changes `frame`, or the frames of a transfer (Protocol::transfer_frames), with the header `can`. `other` is room
-  // to work in; the changed frame is the one that is returned. `is_last`: the line is idle afterwards.
-  ChangingFrame& change(ChangingFrame& frame, ChangingFrame& other, const Protocol& protocol, const CanHeader& can,
+  // Changes `frame`, or the frames of a transfer (FrameSeal::transfer()), with the header `can`. `other` is room
+  // to work in; the changed frame is the one that is returned. `seal` writes the checks of frames; nullptr: they have
+  // none. `is_last`: the line is idle afterwards.
+  ChangingFrame& change(ChangingFrame& frame, ChangingFrame& other, FrameSeal* seal, const CanHeader& can,
                         const UartSettings& uart, bool is_last) noexcept;
   // Writes the bytes of the host that the device receives to `received`. Returns their number.
   std::size_t receive(std::span<const std::byte> sent, const UartSettings& uart,
@@ -63,8 +64,7 @@ class WireChange {
   void lose_bytes(ChangingFrame& frame) noexcept;
   ChangingFrame& insert_bytes(ChangingFrame& frame, ChangingFrame& other) noexcept;
   void cut(ChangingFrame& frame) noexcept;
-  ChangingFrame& reseal(ChangingFrame& frame, ChangingFrame& other, const Protocol& protocol,
-                        const CanHeader& can) noexcept;
+  ChangingFrame& reseal(ChangingFrame& frame, ChangingFrame& other, FrameSeal* seal, const CanHeader& can) noexcept;
   ChangingFrame& resample(ChangingFrame& frame, ChangingFrame& other, UartSettings uart, bool is_last) noexcept;
   void draw_run() noexcept;
 

@@ -128,7 +128,7 @@ bool suits(WireFault fault, Link link) {
 
 std::span<const FaultKind> wire_fault_kinds() noexcept { return kinds; }
 
-std::string wire_fault_objection(const FaultKind& kind, const Protocol& protocol) {
+std::string wire_fault_objection(const FaultKind& kind, const Protocol& protocol, const Settings& settings) {
   const WireFault fault = wire_fault(kind);
   const bool is_can = protocol.link == Link::can;
   if (!suits(fault, protocol.link)) {
@@ -139,7 +139,8 @@ std::string wire_fault_objection(const FaultKind& kind, const Protocol& protocol
     return fmt::format("{} is on {}; right would be {}", protocol.name, is_can ? "a CAN bus" : "a line of bytes",
                        right);
   }
-  if ((fault == WireFault::checksum_wrong || fault == WireFault::content_wrong) && protocol.reseal == nullptr)
+  if ((fault == WireFault::checksum_wrong || fault == WireFault::content_wrong) &&
+      make_seal(protocol, settings) == nullptr)
     return fmt::format("the frames of {} have no checksum{}", protocol.name,
                        is_can ? "" : "; bit_errors changes their content");
   return {};

@@ -35,7 +35,8 @@ std::span<const FaultKind> wire_fault_kinds() noexcept;
 // `kind` is one of the table.
 inline WireFault wire_fault(const FaultKind& kind) noexcept { return kind.code.as<WireFault>(); }
 
-// Returns why a kind of the table cannot be on the line of a product, and the remedy; empty if it can.
-std::string wire_fault_objection(const FaultKind& kind, const Protocol& protocol);
+// Returns why a kind of the table cannot be on the line of a product with these settings, which are valid, and the
+// remedy; empty if it can.
+std::string wire_fault_objection(const FaultKind& kind, const Protocol& protocol, const Settings& settings);
 
 }  // namespace imud

@@ -74,6 +74,8 @@ void Channel::exchange(Reload::Sensor& next, HostTime now) noexcept {
   if (next.device != nullptr && unit.is_on()) poll(now);
   if (unit.exchange(next) && unit.is_on()) start_device(sensor.clock().now(now));
   if (!faults) return;
+  if (next.device != nullptr)
+    for (std::size_t i = 0; i < lines.all().size(); ++i) lines.all()[i].wire->exchange(next.seals[i]);
   faults->exchange_model(next.model);
   if (!next.grid) return;
   faults->set_rate(next.model.rate_hz);

@@ -63,7 +63,8 @@ void Lines::enable_faults(const ImuConfig& config, std::uint64_t seed, std::span
                        .protocol = config.protocol,
                        .rate_hz = config.rate_hz,
                        .uart = line.uart,
-                       .bit_rate = has_rate ? transport->wire_time(spec, settings, {}).bit_rate : 0},
+                       .bit_rate = has_rate ? transport->wire_time(spec, settings, {}).bit_rate : 0,
+                       .seal = make_seal(*config.protocol, config.settings)},
         seed);
     line.wire = wire.get();
     line.port = std::move(wire);

@@ -194,6 +194,7 @@ Reload::Reload(const Config& before, const Config& after, std::span<const ImuCon
          .grid = changes_key("rate_hz") || changes_key("clock_error_ppm") ? std::optional(imu->grid) : std::nullopt,
          .device = nullptr,
          .delivered_device = nullptr,
+         .seals = {},
          .keeps_gyro_bias = !changes_key("gyro.bias"),
          .keeps_accelerometer_bias = !changes_key("accelerometer.bias")});
     if (changes_key("device.") && !is_ideal && imus[i].protocol == imu->protocol) {
@@ -204,6 +205,7 @@ Reload::Reload(const Config& before, const Config& after, std::span<const ImuCon
       };
       sensors.back().device = make(imu->settings);
       sensors.back().delivered_device = make(settings_as_delivered(*imu));
+      for (auto& seal : sensors.back().seals) seal = make_seal(*imu->protocol, imu->settings);
     }
     if (filters) sensors.back().imu.reserve_filters(Device::longest_boxcar);
   }

@@ -1,6 +1,7 @@
 // Reload: the changes by another configuration in a run that goes on.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <functional>
@@ -47,6 +48,7 @@ struct Reload {
     std::optional<Grid> grid;  // nullopt: it stays
     // With other settings, and as delivered; nullptr: they stay.
     std::unique_ptr<Device> device, delivered_device;
+    std::array<std::unique_ptr<FrameSeal>, 2> seals;  // of both lines of that device; only used with it
     bool keeps_gyro_bias = false, keeps_accelerometer_bias = false;  // the biases of Channel::set_bias()
   };
   std::vector<Sensor> sensors;

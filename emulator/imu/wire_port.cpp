@@ -17,9 +17,10 @@ constexpr CanHeader highest_priority = {.id = 0}, lowest_priority = {.id = 0x7FF
 
 }  // namespace
 
-WirePort::WirePort(std::unique_ptr<Port> port, const Line& line, std::uint64_t seed)
+WirePort::WirePort(std::unique_ptr<Port> port, Line line, std::uint64_t seed)
     : port_(std::move(port)),
       protocol_(*line.protocol),
+      seal_(std::move(line.seal)),
       period_s_(1 / line.rate_hz),
       seed_(seed),
       stream_(stream_id(fmt::format("{}/wire/{}", line.imu, line.number))),
@@ -190,7 +191,7 @@ void WirePort::send(std::span<const Frame> frames) noexcept {
     lose(frames);
   } else {
     while (!frames.empty()) {
-      const std::size_t size = protocol_.transfer_frames != nullptr ? protocol_.transfer_frames(frames) : 1;
+      const std::size_t size = seal_ != nullptr ? seal_->transfer(frames) : 1;
       change(frames.first(size), size == frames.size());
       frames = frames.subspan(size);
     }
@@ -207,7 +208,7 @@ void WirePort::change(std::span<const Frame> transfer, bool is_last) noexcept {
   ChangingFrame* changed = &frame_;
   for (WireChange& fault : active()) {
     ChangingFrame& other = changed == &frame_ ? other_ : frame_;
-    changed = &fault.change(*changed, other, protocol_, transfer[0].can, uart_, is_last);
+    changed = &fault.change(*changed, other, seal_.get(), transfer[0].can, uart_, is_last);
     if (fault.kind() == WireFault::half_bandwidth)
       fault.owed += static_cast<double>(changed->bytes().size() * uart_.bits_per_character());
   }

@@ -9,6 +9,7 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <utility>
 
 #include "core/frame.hpp"
 #include "emulator/faults/wire_change.hpp"
@@ -42,8 +43,10 @@ class WirePort final : public Port {
     double rate_hz = 0;      // of the samples
     UartSettings uart = {};  // the characters; baud 0: not known
     double bit_rate = 0;     // bit/s of line or bus; 0: not known, or `uart` gives it
+    // The checks of the frames; nullptr: they have none.
+    std::unique_ptr<FrameSeal> seal = nullptr;
   };
-  WirePort(std::unique_ptr<Port> port, const Line& line, std::uint64_t seed);
+  WirePort(std::unique_ptr<Port> port, Line line, std::uint64_t seed);
 
   // Sets the faults of the next sample. Called before the frames of each sample, and of the deadlines up to it, are
   // sent. No allocation.
@@ -57,6 +60,8 @@ class WirePort final : public Port {
   }
   // Sets the rate of the samples from the next one on.
   void set_rate(double rate_hz) noexcept { period_s_ = 1 / rate_hz; }
+  // Exchanges the writer of the checks, for a device with other settings.
+  void exchange(std::unique_ptr<FrameSeal>& seal) noexcept { std::swap(seal_, seal); }
   // Exchanges the wrapped port. The active faults go on. The frames and the counters then belong to the new port
   // alone. Returns how many of the frames that the old port holds back are not the device's.
   std::uint64_t exchange(std::unique_ptr<Port>& port) noexcept;
@@ -115,6 +120,7 @@ class WirePort final : public Port {
 
   std::unique_ptr<Port> port_;
   const Protocol& protocol_;
+  std::unique_ptr<FrameSeal> seal_;
   double period_s_;
   const std::uint64_t seed_;
   const std::uint32_t stream_;

@@ -154,7 +154,7 @@ extern constexpr Protocol bosch_mm7_protocol = signal_protocol<table_of>({
     .status_bits = 0x3F | status::not_valid,
     .has_checksum = true,
     .burst_bits = 6,
-    .reseal = reseal,
+    .make_seal = seal_by<reseal>,
 });
 
 }  // namespace imud

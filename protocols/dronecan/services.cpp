@@ -216,7 +216,7 @@ std::span<std::byte> reseal(std::span<std::byte> data, const CanHeader& can) noe
   const DataType* type = identifier.is_anonymous() ? nullptr
                          : identifier.is_service   ? find_service(identifier.type)
                                                    : find_message(identifier.type);
-  return type == nullptr ? std::span<std::byte>() : reseal(data, *type);
+  return type == nullptr ? std::span<std::byte>() : reseal_transfer(data, *type);
 }
 
 std::size_t transfer_frames(std::span<const Frame> frames) noexcept {

@@ -12,7 +12,7 @@ namespace imud::dronecan {
 const DataType* find_service(unsigned id) noexcept;
 const DataType* find_message(unsigned id) noexcept;
 
-// Protocol::reseal, of a transfer of several frames that the node sends, and Protocol::transfer_frames.
+// FrameSeal::reseal(), of a transfer of several frames that the node sends, and FrameSeal::transfer().
 std::span<std::byte> reseal(std::span<std::byte> data, const CanHeader& can) noexcept;
 std::size_t transfer_frames(std::span<const Frame> frames) noexcept;
 

@@ -87,7 +87,7 @@ std::size_t send(const Identifier& identifier, const DataType& type, unsigned tr
   return frames;
 }
 
-std::span<std::byte> reseal(std::span<std::byte> data, const DataType& type) noexcept {
+std::span<std::byte> reseal_transfer(std::span<std::byte> data, const DataType& type) noexcept {
   constexpr std::size_t with_tail = frame_data + 1, crc_size = 2;
   const std::size_t frames = (data.size() + with_tail - 1) / with_tail;
   std::array<std::byte, longest_transfer> payload;

@@ -77,7 +77,7 @@ std::size_t send(const Identifier& identifier, const DataType& type, unsigned tr
 
 // Writes the CRC of a transfer of several frames to `data`, the data of these frames one after another. Returns the
 // rest after the CRC, without the last tail byte. Empty, and nothing is written, if it is no such transfer.
-std::span<std::byte> reseal(std::span<std::byte> data, const DataType& type) noexcept;
+std::span<std::byte> reseal_transfer(std::span<std::byte> data, const DataType& type) noexcept;
 
 // Assembles transfers of one data type from one node. A frame out of turn is discarded, as a controller may receive
 // one twice (the toggle's purpose); where one is missing, the CRC or the length is wrong. A transfer that another one

@@ -44,7 +44,7 @@ std::optional<std::size_t> packet_size(std::span<const std::byte> held) noexcept
 // Returns true if the checksum of a whole packet is right.
 bool is_intact(std::span<const std::byte> packet) noexcept;
 
-// Protocol::reseal.
+// FrameSeal::reseal().
 std::span<std::byte> reseal(std::span<std::byte> packet, const CanHeader&) noexcept;
 
 // Calls `act(descriptor, data)` for each field. Returns false if the fields do not fill the packet.

@@ -34,7 +34,7 @@ inline std::uint32_t crc_of(std::span<const std::byte> bytes) noexcept {
 
 // Returns the size in bytes of a datagram with that identifier, without CR LF; 0 if there is none.
 std::size_t datagram_size_of(unsigned id) noexcept;
-// Protocol::reseal.
+// FrameSeal::reseal().
 std::span<std::byte> reseal(std::span<std::byte> datagram, const CanHeader&) noexcept;
 
 // Writes one datagram into a FrameBuffer.

@@ -71,7 +71,7 @@ struct BinaryHead {
 };
 // Returns nullopt if no frame begins with these bytes.
 std::optional<BinaryHead> binary_head(std::span<const std::byte> held) noexcept;
-// Protocol::reseal.
+// FrameSeal::reseal().
 std::span<std::byte> reseal(std::span<std::byte> frame, const CanHeader&) noexcept;
 
 // The words between commas. `count` is greater than words.size() if there are more words than that.

@@ -43,8 +43,10 @@ class FaultSoup {
   std::string imus_of(const FaultKind& kind) {
     std::vector<std::string> all;
     for (const Target& one : targets_) {
-      const bool can_be = fault_objection(kind, *find_protocol(one.protocol)).empty() &&
-                          (kind.name != "settings_lost" || !one.has_settings);
+      const bool can_be =
+          fault_objection(kind, *find_protocol(one.protocol), Settings(find_protocol(one.protocol)->settings))
+              .empty() &&
+          (kind.name != "settings_lost" || !one.has_settings);
       if (can_be) all.push_back("\"" + one.imu + "\"");
     }
     if (all.empty()) return {};

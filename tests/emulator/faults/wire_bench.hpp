@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "emulator/frames/described_protocols.hpp"
 #include "emulator/imu/wire_port.hpp"
 #include "tests/protocols/recording.hpp"
 
@@ -80,14 +81,17 @@ class WireBench {
  public:
   explicit WireBench(std::string_view name, std::string_view settings = "", double rate = 100, double bit_rate = 0,
                      std::uint64_t seed = 1, std::string_view imu = "imu1")
-      : protocol(*find_protocol(name)), rate_hz(rate), device_(protocol.make(settings_of(protocol, settings))) {
+      : protocol(*resolve_protocol(name)), rate_hz(rate), device_(protocol.make(settings_of(protocol, settings))) {
     auto kept = std::make_unique<KeepingPort>();
     inner = kept.get();
-    port.emplace(
-        std::move(kept),
-        WirePort::Line{
-            .imu = imu, .protocol = &protocol, .rate_hz = rate, .uart = device_->uart(), .bit_rate = bit_rate},
-        seed);
+    port.emplace(std::move(kept),
+                 WirePort::Line{.imu = imu,
+                                .protocol = &protocol,
+                                .rate_hz = rate,
+                                .uart = device_->uart(),
+                                .bit_rate = bit_rate,
+                                .seal = make_seal(protocol, settings_of(protocol, settings))},
+                 seed);
   }
 
   // Returns what leaves with each of `samples` samples.

@@ -389,12 +389,13 @@ TEST(WireFaults, RepliesCountAsReplies) {
 // when all have ended the frames are those of the run without faults.
 TEST(WireFaults, AfterAnyFaultsTheFramesAreRightAgain) {
   std::mt19937_64 random(17);
-  for (const std::string_view product : {"native", "stim300", "vectornav", "mip", "csv", "bosch-mm7", "dronecan"}) {
-    const Protocol& protocol = *find_protocol(product);
+  for (const std::string_view product :
+       {"native", "stim300", "vectornav", "mip", "csv", "bosch-mm7", "dronecan"}) {
+    const Protocol& protocol = *resolve_protocol(product);
     std::vector<WireWindow> windows;
     for (std::uint32_t number = 0; number < 60; ++number) {
       const FaultKind& kind = wire_fault_kinds()[random() % wire_fault_kinds().size()];
-      if (!wire_fault_objection(kind, protocol).empty()) continue;
+      if (!wire_fault_objection(kind, protocol, Settings(protocol.settings)).empty()) continue;
       WireWindow window{wire_fault(kind), {}, random() % 1800, 0, number};
       window.last = window.first + random() % 200;
       for (std::size_t i = 0; i < kind.parameters.size(); ++i) {
@@ -429,7 +430,9 @@ TEST(WireFaults, AfterAnyFaultsTheFramesAreRightAgain) {
 
 TEST(WireFaults, AreRefusedWhereTheyCannotBe) {
   const auto objection = [](WireFault kind, std::string_view protocol) {
-    return wire_fault_objection(wire_fault_kinds()[static_cast<std::size_t>(kind)], *find_protocol(protocol));
+    const Protocol& product = *resolve_protocol(protocol);
+    return wire_fault_objection(wire_fault_kinds()[static_cast<std::size_t>(kind)], product,
+                                Settings(product.settings));
   };
   EXPECT_EQ(objection(WireFault::bit_errors, "native"), "");
   EXPECT_EQ(objection(WireFault::bus_off, "sbg-can"), "");

@@ -68,7 +68,7 @@ extern constexpr Protocol throwaway_imu_protocol = {
     .status_bits = 0,
     .has_checksum = true,
     .burst_bits = 32,
-    .reseal = reseal,
+    .make_seal = seal_by<reseal>,
     .make = [](const Settings&) -> std::unique_ptr<Device> { return std::make_unique<ThrowawayDevice>(); },
     .make_decoder = make_decoder,
 };
