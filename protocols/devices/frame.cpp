@@ -14,6 +14,7 @@
 
 #include "core/units.hpp"
 #include "protocols/frames/frame_device.hpp"
+#include "protocols/frames/frame_message_seal.hpp"
 #include "protocols/wire/number_text.hpp"
 
 namespace imud {
@@ -231,6 +232,11 @@ extern constexpr Protocol frame_protocol = {
               .delta_velocity = (i32_end - 1) * velocity_lsb,
               .temperature_c = (i16_end - 1) * temperature_lsb},
     .sends_some_samples = true,
+    .make_seal =
+        [](const Settings& chosen) {
+          const FrameDescription description = description_of(chosen);
+          return seal_of(frame_messages(description), description.escape);
+        },
     .counters = counters,
     .preset = model_of,
     .layout = layout_of,

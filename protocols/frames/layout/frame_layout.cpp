@@ -123,10 +123,21 @@ bool FrameLayout::may_coincide(const FrameLayout& other) const noexcept {
   return true;
 }
 
+bool FrameLayout::has_constants(std::span<const std::byte> held) const noexcept {
+  for (std::size_t i = 0; i < held.size(); ++i)
+    if (((held[i] ^ template_[i]) & constant_[i]) != std::byte{0}) return false;
+  return true;
+}
+
+bool FrameLayout::reseal(std::span<std::byte> frame) const noexcept {
+  if (checks_.empty() || frame.size() != size() || !has_constants(frame)) return false;
+  write_checks(frame);
+  return true;
+}
+
 FrameLayout::Found FrameLayout::match(std::span<const std::byte> held) const noexcept {
   const std::size_t known = std::min(held.size(), size());
-  for (std::size_t i = 0; i < known; ++i)
-    if (((held[i] ^ template_[i]) & constant_[i]) != std::byte{0}) return {Match::no, 0};
+  if (!has_constants(held.first(known))) return {Match::no, 0};
   if (known < size()) return {Match::unfinished, 0};
   for (const Check& one : checks_) {
     const FrameNumber type{Format::unsigned_integer, one.check.size(), one.is_big};

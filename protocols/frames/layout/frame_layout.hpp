@@ -33,6 +33,8 @@ class FrameLayout final : public MessageLayout {
   // Returns true if the constants allow bytes that begin with a frame of this layout and with one of the other.
   bool may_coincide(const FrameLayout& other) const noexcept;
   Found match(std::span<const std::byte> held) const noexcept override;
+  bool has_check() const noexcept override { return !checks_.empty(); }
+  bool reseal(std::span<std::byte> frame) const noexcept override;
   std::int64_t time_lsb_ns() const noexcept override { return clock_ ? fields_[*clock_].time_lsb_ns : 1; }
   Decoded wrapping() const noexcept override;
   std::optional<Decoded> decode(std::span<const std::byte> frame, ReadBack& read) const noexcept override;
@@ -81,6 +83,8 @@ class FrameLayout final : public MessageLayout {
   static double value_of(const Field& field, std::uint64_t bits) noexcept;
   void write_checks(std::span<std::byte> frame) const noexcept;
   static void write_check(const Check& one, std::span<std::byte> frame) noexcept;
+  // Compares the bytes, at most size() of them, with the constants.
+  bool has_constants(std::span<const std::byte> held) const noexcept;
 
   std::vector<std::byte> template_;  // the constants; all other bits are 0
   std::vector<std::byte> constant_;  // the bits that are constant are 1

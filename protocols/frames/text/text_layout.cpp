@@ -187,6 +187,19 @@ MessageLayout::Found TextLayout::match(std::span<const std::byte> held) const no
   return {Match::yes, places[pieces_.size()]};
 }
 
+bool TextLayout::has_check() const noexcept { return std::ranges::count(pieces_, Kind::check, &TextPiece::kind) > 0; }
+
+bool TextLayout::reseal(std::span<std::byte> frame) const noexcept {
+  Places places;
+  if (!has_check() || frame.size() > longest_ || find(text_of(frame), places) != Match::yes ||
+      places[pieces_.size()] != frame.size())
+    return false;
+  for (std::size_t i = 0; i < pieces_.size(); ++i)
+    if (pieces_[i].kind == Kind::check)
+      write_check(pieces_[i], frame, places, reinterpret_cast<char*>(frame.data()) + places[i]);
+  return true;
+}
+
 MessageLayout::Decoded TextLayout::wrapping() const noexcept {
   const auto of = [this](const std::optional<std::size_t>& index) {
     return index ? std::optional(Wrapping{0, pieces_[*index].period()}) : std::nullopt;

@@ -26,6 +26,8 @@ class TextLayout final : public MessageLayout {
   Encoded encode(const Reading& reading, const State& state, std::span<double> carried,
                  std::span<std::byte> frame) const noexcept override;
   Found match(std::span<const std::byte> held) const noexcept override;
+  bool has_check() const noexcept override;
+  bool reseal(std::span<std::byte> frame) const noexcept override;
   std::int64_t time_lsb_ns() const noexcept override { return time_lsb_ns_; }
   Decoded wrapping() const noexcept override;
   std::optional<Decoded> decode(std::span<const std::byte> frame, ReadBack& read) const noexcept override;

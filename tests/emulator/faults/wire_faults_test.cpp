@@ -17,8 +17,11 @@ namespace {
 using Leaving = std::vector<std::vector<StoredFrame>>;  // by sample
 
 // Products with a measurement in every frame, and their settings.
-constexpr std::array<std::pair<std::string_view, std::string_view>, 3> sealed_products = {
-    {{"native", ""}, {"stim300", "start_up=false"}, {"vectornav", ""}}};
+constexpr std::pair<std::string_view, std::string_view> sealed_products[] = {
+    {"native", ""},     {"stim300", "start_up=false"},
+    {"vectornav", ""},  {"hipnuc", ""},
+    {"kvh1750", ""},    {"ncom", ""},
+    {"epson-burst", ""}};
 constexpr std::size_t native_size = 124, native_content = 120;
 
 std::vector<std::byte> bytes_of(std::initializer_list<unsigned> values) {
@@ -390,7 +393,7 @@ TEST(WireFaults, RepliesCountAsReplies) {
 TEST(WireFaults, AfterAnyFaultsTheFramesAreRightAgain) {
   std::mt19937_64 random(17);
   for (const std::string_view product :
-       {"native", "stim300", "vectornav", "mip", "csv", "bosch-mm7", "dronecan"}) {
+       {"native", "stim300", "vectornav", "mip", "csv", "bosch-mm7", "dronecan", "hg4930"}) {
     const Protocol& protocol = *resolve_protocol(product);
     std::vector<WireWindow> windows;
     for (std::uint32_t number = 0; number < 60; ++number) {
@@ -438,6 +441,9 @@ TEST(WireFaults, AreRefusedWhereTheyCannotBe) {
   EXPECT_EQ(objection(WireFault::bus_off, "sbg-can"), "");
   EXPECT_EQ(objection(WireFault::silence, "sbg-can"), "");
   EXPECT_EQ(objection(WireFault::content_wrong, "bosch-mm7"), "");
+  EXPECT_EQ(objection(WireFault::content_wrong, "hipnuc"), "");
+  EXPECT_EQ(objection(WireFault::content_wrong, "razor"),
+            "the frames of razor have no checksum; bit_errors changes their content");
   EXPECT_EQ(objection(WireFault::checksum_wrong, "csv"),
             "the frames of csv have no checksum; bit_errors changes their content");
   EXPECT_EQ(objection(WireFault::content_wrong, "sbg-can"), "the frames of sbg-can have no checksum");

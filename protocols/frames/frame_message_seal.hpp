@@ -1,0 +1,29 @@
+// FrameMessageSeal: writes the checks of the messages of a description again.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "protocols/frame_seal.hpp"
+#include "protocols/frames/frame_device.hpp"
+
+namespace imud {
+
+// The content is the whole frame, as long as its constants stay and its numbers are finite.
+class FrameMessageSeal final : public FrameSeal {
+ public:
+  FrameMessageSeal(std::vector<FrameMessage> messages, FrameEscape escape);
+
+  std::span<std::byte> reseal(std::span<std::byte> frame, const CanHeader& can) noexcept override;
+  std::size_t open(std::span<const std::byte> line, std::span<std::byte> content) noexcept override;
+  std::size_t close(std::span<const std::byte> content, std::span<std::byte> line) noexcept override;
+
+ private:
+  std::vector<FrameMessage> messages_;
+  FrameEscape escape_;
+};
+
+// Returns the seal of these messages; nullptr if none has a check.
+std::unique_ptr<FrameSeal> seal_of(std::vector<FrameMessage> messages, FrameEscape escape);
+
+}  // namespace imud
