@@ -213,6 +213,7 @@ extern constexpr Protocol dbc_protocol = {
     .range = {.rate = 32767 * example_rate_lsb, .specific_force = 32767 * example_force_lsb, .temperature_c = 50},
     .counter_bits = 8,
     .status_bits = 0xFF,
+    .make_seal = [](const Settings& chosen) { return seal_of(messages_of(chosen)); },
     .counters = counters,
     .can_messages = [](const Settings& chosen,
                        double rate_hz) { return can_messages_of(messages_of(chosen), rate_hz); },

@@ -353,10 +353,14 @@ unsigned CanSignalCodec::encode(const Reading& reading, std::uint64_t count,
     }
     write_bits(bytes, field.start, field.length, field.motorola, number);
   }
-  if (!sum_) return saturated;
+  write_checksum(bytes);
+  return saturated;
+}
+
+void CanSignalCodec::write_checksum(std::span<std::byte> bytes) const noexcept {
+  if (!sum_) return;
   const auto counter = counter_ ? static_cast<unsigned>(bits_of(*counter_, bytes)) : 0U;
   write_bits(bytes, sum_->start, sum_->length, sum_->motorola, checksum_.of(bytes, sum_->start / 8, counter));
-  return saturated;
 }
 
 bool CanSignalCodec::has_good_checksum(std::span<const std::byte> bytes) const noexcept {

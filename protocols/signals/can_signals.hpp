@@ -87,6 +87,9 @@ class CanSignalCodec {
     LowBits time, counter;
     std::int64_t time_lsb_ns = 1;
   };
+  bool has_checksum() const noexcept { return sum_.has_value(); }
+  // Writes the checksum of a message of size() bytes, if it has one.
+  void write_checksum(std::span<std::byte> bytes) const noexcept;
   bool has_good_checksum(std::span<const std::byte> bytes) const noexcept;
   // Reads the quantities of a message of size() bytes into `read`. nullopt if a number is not finite.
   std::optional<Decoded> decode(std::span<const std::byte> bytes, ReadBack& read) const noexcept;

@@ -85,6 +85,28 @@ void SignalDevice::send(Scheduled& one, const Sample& sample, FrameBuffer& out) 
   one.rotation.setIdentity();
 }
 
+std::unique_ptr<FrameSeal> seal_of(std::vector<SignalMessage> messages) {
+  class Seal final : public FrameSeal {
+   public:
+    explicit Seal(std::vector<SignalMessage> sent) : messages_(std::move(sent)) {}
+    std::span<std::byte> reseal(std::span<std::byte> frame, const CanHeader& can) noexcept override {
+      for (const auto& [header, period, codec] : messages_) {
+        if (header != can || codec.size() != frame.size() || !codec.has_checksum()) continue;
+        ReadBack read;
+        codec.write_checksum(frame);
+        return codec.has_good_checksum(frame) && codec.decode(frame, read) ? frame : std::span<std::byte>();
+      }
+      return {};
+    }
+
+   private:
+    std::vector<SignalMessage> messages_;
+  };
+  if (std::ranges::none_of(messages, [](const SignalMessage& message) { return message.codec.has_checksum(); }))
+    return nullptr;
+  return std::make_unique<Seal>(std::move(messages));
+}
+
 SignalDecoder::SignalDecoder(std::vector<SignalMessage> messages) : messages_(std::move(messages)) {
   if (messages_.empty()) return;
   shortest_ = std::ranges::min(messages_, {}, &SignalMessage::period).period;

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <vector>
 
@@ -52,6 +53,9 @@ class SignalDevice final : public Device {
   std::uint64_t counter_ = 0;        // of the last sample
   std::uint64_t saturated_ = 0;      // signals, in all messages
 };
+
+// Returns the writer of the checksums of the messages, whose content is the whole message; nullptr if none has one.
+std::unique_ptr<FrameSeal> seal_of(std::vector<SignalMessage> messages);
 
 // Collects the messages of a sample to a measurement. Messages that come with every sample must all be there, in the
 // order of the table, and their sample counters must agree; others may be missing. The measurement is complete with

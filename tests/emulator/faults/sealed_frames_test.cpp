@@ -2,6 +2,7 @@
 // and without a check. wire_faults_test.cpp has the shipped descriptions.
 #include <gtest/gtest.h>
 
+#include <fstream>
 #include <memory>
 #include <string>
 #include <vector>
@@ -9,6 +10,7 @@
 #include "emulator/faults/wire_change.hpp"
 #include "tests/emulator/faults/wire_bench.hpp"
 #include "tests/protocols/frames/frame_unit.hpp"
+#include "tests/transports/scratch_folder.hpp"
 
 namespace imud {
 namespace {
@@ -150,6 +152,32 @@ TEST_F(SealedFrames, OnlyWhereThereIsACheck) {
   EXPECT_EQ(objection(WireFault::content_wrong), "");
   right_.resize(6);  // of the first message
   EXPECT_EQ(changed(WireFault::content_wrong, 0), right_);
+}
+
+TEST(SealedSignals, OfADbcFileHaveARightChecksum) {
+  const ScratchFolder folder;
+  std::ofstream(folder / "imu.dbc") << "BO_ 256 Imu: 8 imu\n SG_ Crc : 0|8@1+ (1,0) [0|0] \"\" host\n"
+                                       " SG_ Counter : 8|4@1+ (1,0) [0|0] \"\" host\n"
+                                       " SG_ RateX : 16|16@1- (0.01,0) [0|0] \"deg/s\" host\n";
+  const std::string settings = "dbc_file=" + (folder / "imu.dbc") +
+                               " signals=RateX=rate_x_deg_per_s,Counter=alive_counter"
+                               " checksums=Crc=e2e_p01:0x123:both";
+  const Protocol& dbc = protocol_named("dbc");
+  for (const bool is_content : {true, false}) {
+    WireBench plain("dbc", settings), bench("dbc", settings);
+    const WireWindow window{is_content ? WireFault::content_wrong : WireFault::checksum_wrong, {1}};
+    const auto right = plain.run({}, 30), faulty = bench.run({&window, 1}, 30);
+    Line line(dbc, settings_of(dbc, settings));
+    Recording recording;
+    for (const auto& frames : faulty) line.feed(frames, recording);
+    line.decoder->finish(recording);
+    EXPECT_EQ(line.decoder->errors().checksum, is_content ? 0U : 10U);
+    EXPECT_EQ(recording.measurements.size(), is_content ? 30U : 20U);
+    for (std::size_t k = 0; k < 30; ++k) EXPECT_EQ(joined(faulty[k]) != joined(right[k]), k >= 10 && k <= 19) << k;
+  }
+  EXPECT_EQ(wire_fault_objection(wire_fault_kinds()[static_cast<std::size_t>(WireFault::content_wrong)], dbc,
+                                 Settings(dbc.settings)),
+            "the frames of dbc have no checksum");
 }
 
 }  // namespace
