@@ -145,7 +145,7 @@ TEST_F(DescribedProtocol, HasTheModelOfItsDescription) {
     with_model.insert(protocol->name);
     EXPECT_EQ(std::ranges::count(presets(), model, &Preset::name), 1) << protocol->name;
   }
-  EXPECT_EQ(with_model, (std::set<std::string_view>{"hg4930", "kvh1750", "novatel-raw"}));
+  EXPECT_EQ(with_model, (std::set<std::string_view>{"hg1120", "hg4930", "kvh1750", "kvh1775", "novatel-raw"}));
 
   // A preset has the ranges.
   const ImuConfig own = imu("protocol = \"hg4930\"\n");
