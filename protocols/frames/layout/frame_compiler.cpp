@@ -219,6 +219,7 @@ void FrameLayout::Compiler::add_field(const Placed& placed) {
   else
     set_number(field, element);
   out_.fields_.push_back(field);
+  out_.field_names_.push_back(element.source.name);
 }
 
 void FrameLayout::Compiler::add_bits(const Placed& placed) {
@@ -241,6 +242,7 @@ void FrameLayout::Compiler::add_bits(const Placed& placed) {
     }
     if (field.source != Source::status) set_counting(field, bits.source);
     out_.fields_.push_back(field);
+    out_.field_names_.push_back(bits.source.name);
   }
   constant(placed.offset, bytes_of(value, element.number));
   std::ranges::copy(bytes_of(fixed, element.number),

@@ -29,6 +29,7 @@ struct FrameSource {
 
   Kind kind = Kind::constant;
   MeasuredIn in = {};
+  std::string name = {};       // as written, with its unit: "rate_x_deg_per_s"; without sign, modulus and inverse
   std::string unit = {};       // as written, for people: "deg_per_s"
   std::uint32_t bits = 0;      // of a status
   bool is_inverse = false;     // of a status

@@ -2,9 +2,12 @@
 
 #include <algorithm>
 #include <bit>
+#include <charconv>
 #include <cmath>
 #include <cstring>
+#include <iterator>
 
+#include "protocols/wire/shortest_text.hpp"
 #include "protocols/wire/wire.hpp"
 
 namespace imud {
@@ -18,6 +21,15 @@ constexpr double floor_margin = 1e-6;
 // Returns the rounded number, in two's complement. `x` is in [-2^63, 2^64).
 std::uint64_t rounded(double x) noexcept {
   return x >= 0x1p63 ? static_cast<std::uint64_t>(x) : static_cast<std::uint64_t>(to_integer(x));
+}
+
+// Returns the number with the shortest decimal text that is this float: 0.1 for 0.1f.
+double shortest_decimal(float number) noexcept {
+  char text[24];
+  const auto end = std::to_chars(text, std::end(text), number).ptr;
+  double decimal = number;
+  std::from_chars(text, end, decimal);
+  return decimal;
 }
 
 std::uint64_t repeated(std::byte byte) noexcept { return std::to_integer<std::uint64_t>(byte) * 0x0101010101010101U; }
@@ -225,6 +237,53 @@ std::optional<FrameLayout::Decoded> FrameLayout::decode(std::span<const std::byt
     }
   }
   return decoded;
+}
+
+FieldValue integer_field(std::uint64_t magnitude, bool is_negative) noexcept {
+  return {FieldValue::Kind::integer, is_negative && magnitude != 0, magnitude};
+}
+
+FieldValue real_field(double value, bool is_negated, double modulus, int digits) noexcept {
+  if (is_negated) value = -value;
+  if (modulus != 0 && value < 0) value += modulus;
+  return {FieldValue::Kind::real, false, 0, value + 0.0, digits};  // never -0
+}
+
+FieldValue FrameLayout::field_value(const Field& field, std::uint64_t bits) noexcept {
+  if (field.source == Source::status) return integer_field((bits != 0) != field.is_inverse);
+  if (field.source != Source::quantity || field.quantity->kind == MeasuredQuantity::Kind::counter ||
+      field.quantity->kind == MeasuredQuantity::Kind::status)
+    return integer_field(bits);
+  const bool is_negated = field.factor < 0, is_plain = field.scale == 1 && field.bias == 0;
+  const auto real = [&](double number, int digits) {
+    return real_field(number * field.scale + field.bias, is_negated, field.modulus,
+                      is_plain ? digits : certain_digits);
+  };
+  switch (field.number.format) {
+    case Format::float32:
+      return real(shortest_decimal(std::bit_cast<float>(static_cast<std::uint32_t>(bits))), certain_digits);
+    case Format::float64:
+      return real(std::bit_cast<double>(bits), all_digits);
+    case Format::signed_integer: {
+      const unsigned unused = 64 - field.width;
+      const auto number = static_cast<std::int64_t>(bits << unused) >> unused;
+      if (!is_plain || field.modulus != 0) return real(static_cast<double>(number), certain_digits);
+      const auto whole = static_cast<std::uint64_t>(number);
+      return integer_field(number < 0 ? 0 - whole : whole, (number < 0) != is_negated);
+    }
+    case Format::unsigned_integer:
+      break;
+  }
+  if (!is_plain || (is_negated && field.modulus != 0)) return real(static_cast<double>(bits), certain_digits);
+  return integer_field(bits, is_negated);
+}
+
+void FrameLayout::read_fields(std::span<const std::byte> frame, std::span<FieldValue> values) const noexcept {
+  for (std::size_t i = 0; i < fields_.size(); ++i) {
+    const Field& field = fields_[i];
+    const std::uint64_t bits = load_number(field.number, frame.data() + field.offset) >> field.low;
+    values[i] = field_value(field, bits & low_bits(field.width));
+  }
 }
 
 }  // namespace imud

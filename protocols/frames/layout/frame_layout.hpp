@@ -38,6 +38,7 @@ class FrameLayout final : public MessageLayout {
   std::int64_t time_lsb_ns() const noexcept override { return clock_ ? fields_[*clock_].time_lsb_ns : 1; }
   Decoded wrapping() const noexcept override;
   std::optional<Decoded> decode(std::span<const std::byte> frame, ReadBack& read) const noexcept override;
+  void read_fields(std::span<const std::byte> frame, std::span<FieldValue> values) const noexcept override;
 
  private:
   using Source = FrameSource::Kind;
@@ -81,6 +82,7 @@ class FrameLayout final : public MessageLayout {
   std::uint64_t rounded_time(const Field& field, std::int64_t ns) const noexcept;
   // Returns the value in SI that a field of a frame has. The field is no clock that is an integer, counter or status.
   static double value_of(const Field& field, std::uint64_t bits) noexcept;
+  static FieldValue field_value(const Field& field, std::uint64_t bits) noexcept;
   void write_checks(std::span<std::byte> frame) const noexcept;
   static void write_check(const Check& one, std::span<std::byte> frame) noexcept;
   // Compares the bytes, at most size() of them, with the constants.

@@ -35,6 +35,7 @@ constexpr StatusName status_names[] = {
 
 std::optional<FrameSource> find_frame_source(std::string_view name) {
   FrameSource source;
+  source.name = name.substr(name.starts_with('-'));
   if (name == alive_counter || name == frame_counter) {
     source.kind = name == alive_counter ? FrameSource::Kind::alive_counter : FrameSource::Kind::frame_counter;
     return source;

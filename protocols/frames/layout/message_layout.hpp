@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "protocols/frames/layout/frame_fields.hpp"
 #include "protocols/measurements/measured_quantities.hpp"
 
 namespace imud {
@@ -71,6 +72,11 @@ class MessageLayout {
   // Reads the quantities of a frame that matches into `read`. nullopt if a number is not finite.
   virtual std::optional<Decoded> decode(std::span<const std::byte> frame, ReadBack& read) const noexcept = 0;
 
+  // The names of the numbers that a frame has, with their units and in its order. A name may occur more than once.
+  const std::vector<std::string>& fields() const noexcept { return field_names_; }
+  // Reads them from a frame that decode() has accepted; `values` has one for each name.
+  virtual void read_fields(std::span<const std::byte> frame, std::span<FieldValue> values) const noexcept = 0;
+
   // A line of the layout, for people.
   struct Row {
     std::optional<std::size_t> offset;  // bytes; nullopt where the length of what precedes varies
@@ -89,8 +95,16 @@ class MessageLayout {
   std::uint32_t components_ = 0;
   // Where several fields are a clock or a counter, the one with the longest round is read back. Indices of fields.
   std::optional<std::size_t> clock_, counter_, alive_counter_;
+  std::vector<std::string> field_names_;
   std::vector<Row> rows_;
 };
+
+// The digits of a number that is the product of its wire's number and an LSB: all beyond are rounding.
+inline constexpr int certain_digits = 15;
+// Return a field's value. `is_negated`: the description changes the sign, which is undone. The remainder of a
+// `modulus` stays from 0 to that; 0: there is no modulus.
+FieldValue real_field(double value, bool is_negated, double modulus, int digits = certain_digits) noexcept;
+FieldValue integer_field(std::uint64_t magnitude, bool is_negative = false) noexcept;
 
 // Returns the value of a bit of the status, or of FrameSource::starting.
 bool is_set(std::uint32_t bits, const Reading& reading, const MessageLayout::State& state) noexcept;

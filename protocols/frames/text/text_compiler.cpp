@@ -39,6 +39,7 @@ void TextLayout::Compiler::compile() {
   for (std::size_t i = 0; i < out_.pieces_.size(); ++i) resolve(i);
   check_ends();
   find_read_back();
+  name_fields();
   make_rows();
 }
 
@@ -114,6 +115,30 @@ void TextLayout::Compiler::find_read_back() {
       quantity->set(0, read);
   }
   out_.components_ = read.components;
+}
+
+// Lists the numbers by name. A choice, such as N/S, is the sign of the angle without sign that has the same quantity.
+void TextLayout::Compiler::name_fields() {
+  const auto is_choice = [](const TextPiece& piece) { return piece.format.chosen("").has_value(); };
+  const auto pair_of = [&](const TextPiece& piece, bool of_choice) -> std::optional<std::size_t> {
+    for (std::size_t i = 0; i < out_.pieces_.size(); ++i) {
+      const TextPiece& other = out_.pieces_[i];
+      if (other.kind == Kind::field && other.source.kind == Source::quantity &&
+          other.source.in.quantity == piece.source.in.quantity &&
+          (of_choice ? other.format.value() == TextFormat::Value::degrees : is_choice(other)))
+        return i;
+    }
+    return std::nullopt;
+  };
+  for (std::size_t i = 0; i < out_.pieces_.size(); ++i) {
+    const TextPiece& piece = out_.pieces_[i];
+    if (piece.kind != Kind::field) continue;
+    const bool is_quantity = piece.source.kind == Source::quantity;
+    if (is_quantity && is_choice(piece) && pair_of(piece, true)) continue;
+    const bool has_no_sign = is_quantity && piece.format.value() == TextFormat::Value::degrees;
+    out_.named_.push_back({i, has_no_sign ? pair_of(piece, false) : std::nullopt});
+    out_.field_names_.push_back(piece.source.name);
+  }
 }
 
 void TextLayout::Compiler::make_rows() {

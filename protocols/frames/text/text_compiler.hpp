@@ -20,6 +20,7 @@ class TextLayout::Compiler {
   void resolve(std::size_t index);
   void check_ends() const;
   void find_read_back();
+  void name_fields();
   void make_rows();
   void give(const FrameDescription::Value& value, FrameTestValues& given) const;
 

@@ -314,6 +314,21 @@ std::optional<double> TextFormat::read(std::string_view text) const noexcept {
   return number_in<double>(text.substr(std::min(text.find_first_not_of(" +"), text.size())));
 }
 
+std::optional<double> TextFormat::read_sexagesimal(std::string_view text) const noexcept {
+  if (value() == Value::named) return std::nullopt;
+  const std::size_t first = kind_ == Kind::clock ? 2 : static_cast<std::size_t>(width_), colon = has_colons_ ? 1 : 0;
+  if (text.size() < first + colon + 2) return std::nullopt;
+  const auto whole = number_in<unsigned>(text.substr(0, first));
+  text.remove_prefix(first + colon);
+  if (kind_ == Kind::degrees) {
+    const auto minutes = number_in<double>(text);
+    return whole && minutes ? std::optional(*whole + *minutes / 60) : std::nullopt;
+  }
+  const auto minutes = number_in<unsigned>(text.substr(0, 2));
+  const auto rest = number_in<double>(text.substr(std::min(text.size(), 2 + colon)));
+  return whole && minutes && rest ? std::optional(3600.0 * *whole + 60.0 * *minutes + *rest) : std::nullopt;
+}
+
 bool TextFormat::matches(std::string_view text) const noexcept {
   if (text.empty()) return may_be_empty_;
   if (text.size() > longest()) return false;

@@ -60,6 +60,9 @@ class TextFormat {
   // number.
   std::optional<double> read(std::string_view text) const noexcept;
   std::optional<std::uint64_t> read_integer(std::string_view text) const noexcept;
+  // Returns the seconds of the day, or the degrees without sign; nullopt if this is another format, or the text has
+  // no such number.
+  std::optional<double> read_sexagesimal(std::string_view text) const noexcept;
   // Returns true if the text has the format.
   bool matches(std::string_view text) const noexcept;
   // Returns the size of the text of a choice with which `text` begins; nullopt if this is no choice, or it begins

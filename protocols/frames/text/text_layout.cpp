@@ -268,4 +268,42 @@ std::optional<MessageLayout::Decoded> TextLayout::decode(std::span<const std::by
   return decoded;
 }
 
+// Returns the value of a field that is not left out.
+FieldValue TextLayout::field_value(const TextPiece& piece, std::string_view text) noexcept {
+  const FrameSource& source = piece.source;
+  const TextFormat& format = piece.format;
+  const bool is_choice = format.chosen("").has_value();
+  if (source.kind == Source::status) {
+    const bool is_one = is_choice ? format.is_above(text) : format.read(text).value_or(0) != 0;
+    return integer_field(is_one != source.is_inverse);
+  }
+  if (is_choice) return integer_field(format.is_above(text));
+  const bool is_plain = piece.lsb == 1 && piece.offset == 0;
+  const bool is_counter =
+      source.kind != Source::quantity || source.in.quantity->kind != MeasuredQuantity::Kind::number;
+  if (is_plain && format.is_integer() && is_counter)
+    if (const auto whole = format.read_integer(text)) return integer_field(*whole);
+  const double factor = std::abs(source.in.factor);
+  if (const auto number = format.read_sexagesimal(text))
+    return real_field(*number * (format.value() == TextFormat::Value::degrees ? units::degree : 1) / factor, false,
+                      0);
+  if (const auto number = format.read(text))
+    return real_field(*number * piece.lsb + piece.offset, source.in.factor < 0, source.modulus);
+  return {};
+}
+
+void TextLayout::read_fields(std::span<const std::byte> frame, std::span<FieldValue> values) const noexcept {
+  Places places;
+  const std::string_view text = text_of(frame);
+  if (find(text, places) != Match::yes) return;
+  const auto text_at = [&](std::size_t i) { return text.substr(places[i], places[i + 1] - places[i]); };
+  for (std::size_t i = 0; i < named_.size(); ++i) {
+    const auto& [number, sign] = named_[i];
+    values[i] = text_at(number).empty() ? FieldValue() : field_value(pieces_[number], text_at(number));
+    if (!sign || text_at(*sign).empty()) continue;
+    const bool is_minus = pieces_[*sign].format.is_above(text_at(*sign)) == (pieces_[*sign].source.in.factor < 0);
+    if (is_minus) values[i].real = 0.0 - values[i].real;
+  }
+}
+
 }  // namespace imud

@@ -31,6 +31,9 @@ class TextLayout final : public MessageLayout {
   std::int64_t time_lsb_ns() const noexcept override { return time_lsb_ns_; }
   Decoded wrapping() const noexcept override;
   std::optional<Decoded> decode(std::span<const std::byte> frame, ReadBack& read) const noexcept override;
+  // A choice of texts is 1 for the first and 0 for the second, or, beside an angle of the same name without sign, the
+  // angle's sign.
+  void read_fields(std::span<const std::byte> frame, std::span<FieldValue> values) const noexcept override;
 
  private:
   // The places at which the pieces of a frame begin, and at last its end.
@@ -53,7 +56,16 @@ class TextLayout final : public MessageLayout {
   std::size_t field_end(std::size_t index, std::string_view held, std::size_t begin) const noexcept;
   bool read_field(std::size_t index, std::string_view text, ReadBack& read, Decoded& decoded) const noexcept;
 
+  static FieldValue field_value(const TextPiece& piece, std::string_view text) noexcept;
+
+  // A name in fields(), by the piece that has its number, and the piece that has its sign.
+  struct Named {
+    std::size_t number = 0;
+    std::optional<std::size_t> sign = {};
+  };
+
   std::vector<TextPiece> pieces_;
+  std::vector<Named> named_;
   std::size_t longest_ = 0;
   std::int64_t time_lsb_ns_ = 1;
 };

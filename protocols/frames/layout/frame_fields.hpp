@@ -1,0 +1,62 @@
+// The numbers of decoded frames, by the names that a description gives them.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace imud {
+
+// The number that a frame has for a field, in the unit of the field's name: LSB, offset and a minus of the
+// description are undone.
+struct FieldValue {
+  enum class Kind : std::uint8_t {
+    left_out,  // the frame has no number there
+    integer,   // `magnitude` and its sign, exactly
+    real,      // `real`, of which `digits` significant decimal digits count
+  };
+  Kind kind = Kind::left_out;
+  bool is_negative = false;
+  std::uint64_t magnitude = 0;
+  double real = 0;
+  int digits = 0;
+};
+
+// A message of a description.
+struct FrameKind {
+  std::string name;                 // no other kind has it
+  std::vector<std::string> fields;  // names with their units, such as "rate_x_deg_per_s"; all differ
+};
+
+// A frame of one of the kinds. It is valid during the call that passes it.
+struct DecodedFrame {
+  std::size_t kind = 0;              // index in FieldDecoder::frame_kinds()
+  std::uint64_t offset = 0;          // bytes of the input before it; of SLIP and HDLC before the byte after the mark
+  std::span<const std::byte> bytes;  // without the escapes of its framing
+};
+
+class FrameReceiver {
+ public:
+  virtual void on_frame(const DecodedFrame& frame) = 0;
+
+ protected:
+  ~FrameReceiver() = default;
+};
+
+// The other base of a Decoder whose frames have named fields.
+class FieldDecoder {
+ public:
+  virtual std::span<const FrameKind> frame_kinds() const noexcept = 0;
+  // Passes each frame that is decoded from now on to `receiver`, also where its sample remains incomplete; nullptr:
+  // to none. `receiver` must outlive the calls of the decoder.
+  virtual void pass_frames_to(FrameReceiver* receiver) noexcept = 0;
+  // Reads the fields of a frame that is passed. `values`: one for each name of its kind.
+  virtual void read_fields(const DecodedFrame& frame, std::span<FieldValue> values) const noexcept = 0;
+
+ protected:
+  ~FieldDecoder() = default;
+};
+
+}  // namespace imud
