@@ -12,6 +12,7 @@
 #include "protocols/frames/host/frame_host.hpp"
 #include "protocols/frames/layout/frame_description.hpp"
 #include "protocols/frames/layout/frame_escape.hpp"
+#include "protocols/frames/layout/frame_fields.hpp"
 #include "protocols/frames/layout/message_layout.hpp"
 #include "protocols/protocol.hpp"
 #include "protocols/wire/frame_search.hpp"
@@ -98,7 +99,7 @@ class FrameDevice final : public Device, private FrameHost::Unit {
 // message can belong to it, or when the next sample begins. A vector has its field set if all components that the
 // messages carry are there; the others are 0. Clocks and counters go on where they begin again; a stream without a
 // counter of samples has its counter of messages.
-class FrameStreamDecoder final : public Decoder {
+class FrameStreamDecoder final : public Decoder, public FieldDecoder {
  public:
   // `values`: of the settings that the unit probably has. Messages that are sent with these are tried first, as
   // others may have the same constants.
@@ -107,6 +108,11 @@ class FrameStreamDecoder final : public Decoder {
 
   void feed(const Frame& frame, MeasurementSink& sink) override;
   void finish(MeasurementSink& sink) override;
+  std::span<const FrameKind> frame_kinds() const noexcept override { return kinds_; }
+  void pass_frames_to(FrameReceiver* receiver) noexcept override { receiver_ = receiver; }
+  void read_fields(const DecodedFrame& frame, std::span<FieldValue> values) const noexcept override {
+    known_[frame.kind].message.layout->read_fields(frame.bytes, values);
+  }
 
  private:
   using Search = FrameSearch<FrameDescription::longest_frame>;
@@ -128,12 +134,14 @@ class FrameStreamDecoder final : public Decoder {
 
   std::size_t parse(std::span<const std::byte> held, MeasurementSink& sink);
   void take_content(MeasurementSink& sink);
-  bool accept(std::size_t index, std::span<const std::byte> frame, MeasurementSink& sink);
+  bool accept(const DecodedFrame& frame, MeasurementSink& sink);
   void begin() noexcept;
   void end(MeasurementSink& sink);
   void choose_clocks();
 
   std::vector<Known> known_;
+  std::vector<FrameKind> kinds_;  // in the same order
+  FrameReceiver* receiver_ = nullptr;
   std::vector<std::size_t> order_;  // in which they are tried
   std::uint32_t components_ = 0;    // that all messages together carry
   // Bits of the messages whose clock, counter of samples, and own counter are read.
@@ -143,6 +151,7 @@ class FrameStreamDecoder final : public Decoder {
   Search search_;
   FrameEscape escape_;
   EscapeReader reader_;
+  std::uint64_t offset_ = 0;    // bytes before what is held; of escaped frames: bytes that were read
   ReadBack set_;                // the sample that is being collected
   std::uint64_t found_ = 0;     // bits of its messages
   std::uint64_t partners_ = 0;  // bits of the messages that may still belong to it

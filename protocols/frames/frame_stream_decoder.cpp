@@ -1,6 +1,8 @@
 #include <algorithm>
 #include <iterator>
+#include <map>
 #include <numeric>
+#include <set>
 
 #include "protocols/frames/frame_device.hpp"
 #include "protocols/frames/layout/frame_layout.hpp"
@@ -15,6 +17,32 @@ bool is_more_frequent(const FrameMessage& a, const FrameMessage& b) {
 }
 
 constexpr std::uint64_t bit(std::size_t index) noexcept { return std::uint64_t{1} << index; }
+
+// Makes names differ: one that others have gets a number at its end.
+class DifferentNames {
+ public:
+  std::string different(const std::string& name) {
+    std::string one = name;
+    for (int& number = numbers_[name]; !used_.insert(one).second; one = name + "_" + std::to_string(number))
+      number = std::max(number + 1, 2);
+    return one;
+  }
+
+ private:
+  std::set<std::string> used_;
+  std::map<std::string, int> numbers_;  // the last one given
+};
+
+std::vector<FrameKind> kinds_of(const std::vector<FrameMessage>& messages) {
+  std::vector<FrameKind> kinds;
+  DifferentNames names;
+  for (const FrameMessage& message : messages) {
+    FrameKind& kind = kinds.emplace_back(FrameKind{names.different(message.name), {}});
+    DifferentNames fields;
+    for (const std::string& field : message.layout->fields()) kind.fields.push_back(fields.different(field));
+  }
+  return kinds;
+}
 
 }  // namespace
 
@@ -36,7 +64,7 @@ bool may_coincide(const FrameMessage& a, const FrameMessage& b) {
 
 FrameStreamDecoder::FrameStreamDecoder(std::vector<FrameMessage> messages, FrameEscape escape,
                                        std::span<const std::uint8_t> values)
-    : escape_(escape), reader_(escape) {
+    : kinds_(kinds_of(messages)), escape_(escape), reader_(escape) {
   const FrameMessage* most = nullptr;  // of the messages that are always sent
   for (const FrameMessage& message : messages)
     if (message.by_settings.is_always_on() && (most == nullptr || is_more_frequent(message, *most))) most = &message;
@@ -129,12 +157,14 @@ void FrameStreamDecoder::end(MeasurementSink& sink) {
   begin();
 }
 
-bool FrameStreamDecoder::accept(std::size_t index, std::span<const std::byte> frame, MeasurementSink& sink) {
+bool FrameStreamDecoder::accept(const DecodedFrame& frame, MeasurementSink& sink) {
+  const std::size_t index = frame.kind;
   const MessageLayout& layout = *known_[index].message.layout;
   const bool begins_sample = (partners_ & bit(index)) == 0;
   ReadBack read = begins_sample ? ReadBack() : set_;
-  const auto decoded = layout.decode(frame, read);
+  const auto decoded = layout.decode(frame.bytes, read);
   if (!decoded) return false;
+  if (receiver_ != nullptr) receiver_->on_frame(frame);
   if (begins_sample) end(sink);
   set_ = read;
   found_ |= bit(index);
@@ -164,12 +194,16 @@ std::size_t FrameStreamDecoder::parse(std::span<const std::byte> held, Measureme
     is_unfinished |= match == unfinished;
     has_wrong_check |= match == wrong_check;
     if (match != yes) continue;
-    if (accept(i, held.first(size), sink)) return size;
+    if (accept({i, offset_, held.first(size)}, sink)) {
+      offset_ += size;
+      return size;
+    }
     is_malformed = true;
   }
   if (is_unfinished) return Search::need_more;
   errors_.checksum += has_wrong_check;
   errors_.malformed += is_malformed;
+  ++offset_;
   return Search::reject;
 }
 
@@ -180,7 +214,9 @@ void FrameStreamDecoder::take_content(MeasurementSink& sink) {
   for (std::size_t i = 0; i < known_.size(); ++i) {
     const auto [match, size] = known_[i].message.layout->match(content);
     has_wrong_check |= match == MessageLayout::Match::wrong_check;
-    if (match == MessageLayout::Match::yes && size == content.size() && accept(i, content, sink)) return;
+    if (match == MessageLayout::Match::yes && size == content.size() &&
+        accept({i, offset_ - reader_.frame_bytes(), content}, sink))
+      return;
   }
   ++(has_wrong_check ? errors_.checksum : errors_.malformed);
   errors_.skipped_bytes += content.size();
@@ -192,8 +228,10 @@ void FrameStreamDecoder::feed(const Frame& frame, MeasurementSink& sink) {
         search_.feed(frame.bytes, [&](std::span<const std::byte> held) { return parse(held, sink); });
     return;
   }
-  for (const std::byte byte : frame.bytes)
+  for (const std::byte byte : frame.bytes) {
+    ++offset_;
     if (reader_.take(byte)) take_content(sink);
+  }
   errors_.skipped_bytes += reader_.take_skipped();
 }
 

@@ -88,7 +88,7 @@ void EscapeReader::put(std::byte byte) noexcept {
 bool EscapeReader::end() noexcept {
   if (size_ == 0) return false;
   is_ended_ = true;
-  bytes_ = 0;
+  frame_bytes_ = std::exchange(bytes_, 0);
   return true;
 }
 

@@ -48,6 +48,8 @@ class EscapeReader {
   // bytes, is valid until the next call.
   bool take(std::byte byte) noexcept;
   std::span<const std::byte> content() const noexcept { return std::span(held_).first(size_); }
+  // Returns the bytes of that frame on the line, without a mark that may have ended the frame before.
+  std::uint64_t frame_bytes() const noexcept { return frame_bytes_; }
   // Returns how many bytes belonged to no frame since the last call: damaged escapes, frames that are too long.
   std::uint64_t take_skipped() noexcept;
   // Ends the input: an unfinished frame counts as skipped.
@@ -64,7 +66,8 @@ class EscapeReader {
   FrameEscape escape_;
   std::array<std::byte, FrameDescription::longest_frame> held_{};
   std::size_t size_ = 0;
-  std::uint64_t bytes_ = 0;  // on the line, of the frame that is read
+  std::uint64_t bytes_ = 0;        // on the line, of the frame that is read
+  std::uint64_t frame_bytes_ = 0;  // of the frame that was read
   std::uint64_t skipped_ = 0;
   bool is_open_ = false;           // a frame has begun
   bool is_ended_ = false;          // content() was returned

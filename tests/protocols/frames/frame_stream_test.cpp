@@ -1,0 +1,40 @@
+// The frames of a stream that a decoder passes on.
+#include <algorithm>
+
+#include "tests/protocols/frames/field_recording.hpp"
+
+namespace imud {
+namespace {
+
+// The frames here make no sample, and bytes of no frame precede some of them.
+TEST(FrameStream, FramesHaveTheirOffset) {
+  for (const char* name : {"none", "slip", "hdlc", "dle", "cobs"}) {
+    SCOPED_TRACE(name);
+    Line line = frame_line("escape = \"" + std::string(name) + "\"\n" +
+                           one_message("@b\n41 43\nsample_counter:u32\ncheck:crc32/iso-hdlc:@b.."));
+    const std::string_view escape = name;
+    const std::uint64_t mark = escape == "slip" || escape == "hdlc" ? 1 : 0;
+    std::vector<std::byte> bytes;
+    std::vector<std::uint64_t> wanted;
+    for (std::uint64_t k = 0; k < 300; ++k) {
+      Sample sample;
+      sample.counter = 0x7D7E10C000 + k;
+      if (k % 7 == 0 && k > 0) bytes.insert(bytes.end(), k % 3 + 1, std::byte{0x55});
+      // With COBS, bytes without a mark at their end would be part of the next frame.
+      if (k % 7 == 0 && k > 0 && escape == "cobs") bytes.push_back(std::byte{0});
+      wanted.push_back(bytes.size() + mark);
+      const std::vector<std::byte> frame = bytes_of(line, sample);
+      bytes.insert(bytes.end(), frame.begin(), frame.end());
+    }
+    Recording recording;
+    FieldRecording frames(*line.decoder);
+    for (std::size_t at = 0; at < bytes.size(); at += 13)
+      line.decoder->feed({std::span(bytes).subspan(at, std::min<std::size_t>(13, bytes.size() - at))}, recording);
+    line.decoder->finish(recording);
+    ASSERT_EQ(frames.rows.size(), wanted.size());
+    for (std::size_t k = 0; k < wanted.size(); ++k) EXPECT_EQ(frames.rows[k].offset, wanted[k]) << k;
+  }
+}
+
+}  // namespace
+}  // namespace imud
