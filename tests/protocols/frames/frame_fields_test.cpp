@@ -1,11 +1,196 @@
 // The fields of decoded frames by their names: of the frames that units have sent, of all shipped descriptions, and
 // of bytes that were written by hand.
+#include <cmath>
 #include <cstring>
+#include <set>
 
+#include "core/units.hpp"
+#include "protocols/frames/text/text_piece.hpp"
 #include "tests/protocols/frames/field_recording.hpp"
 
 namespace imud {
 namespace {
+
+// A field as the description gives it, parsed here again.
+struct DescribedField {
+  FrameSource source;
+  double lsb = 0;          // in the unit; 0: of a counter or a bit
+  double relative = 0;     // of floats
+  unsigned width = 64;     // bits of a counter
+  bool is_choice = false;  // of texts
+  bool may_be_left_out = false;
+};
+
+std::vector<DescribedField> fields_of_bytes(const FrameDescription& description,
+                                            const FrameDescription::Message& message) {
+  std::vector<DescribedField> fields;
+  for (const FrameDescription::Text& text : message.layout) {
+    const FrameElement element = parse_frame_element(text.text, message.is_big, description.checks);
+    if (element.kind == FrameElement::Kind::field) {
+      const FrameNumber& type = element.number;
+      const double relative = type.format == FrameNumber::Format::float32 ? 1e-6 : type.is_float() ? 1e-13 : 1e-13;
+      fields.push_back({element.source, type.is_float() ? 0 : std::abs(element.lsb), relative,
+                        static_cast<unsigned>(8 * type.bytes)});
+    }
+    for (const FrameElement::BitField& bits : element.bit_fields)
+      if (bits.source.kind != FrameSource::Kind::constant)
+        fields.push_back({bits.source, 0, 0, bits.high - bits.low + 1});
+  }
+  return fields;
+}
+
+std::vector<DescribedField> fields_of_text(const FrameDescription& description,
+                                           const FrameDescription::Message& message) {
+  std::vector<DescribedField> fields;
+  std::set<const MeasuredQuantity*> angles;  // that are sent without sign
+  const std::vector<TextPiece> pieces = parse_text_pieces(message.text->text, description.checks);
+  for (const TextPiece& piece : pieces)
+    if (piece.kind == TextPiece::Kind::field && piece.format.value() == TextFormat::Value::degrees)
+      angles.insert(piece.source.in.quantity);
+  for (const TextPiece& piece : pieces) {
+    if (piece.kind != TextPiece::Kind::field) continue;
+    const bool is_choice = piece.format.chosen("").has_value();
+    if (is_choice && angles.contains(piece.source.in.quantity)) continue;
+    // Digits of a pattern; all that are shipped have the unit of their name.
+    double step = piece.format.step();
+    if (piece.format.value() == TextFormat::Value::seconds) step = 0.01;
+    if (piece.format.value() == TextFormat::Value::degrees) step = 1e-6 / 60;
+    fields.push_back({piece.source, step * std::abs(piece.lsb), 1e-13, 64, is_choice, piece.format.may_be_empty()});
+  }
+  return fields;
+}
+
+std::vector<DescribedField> fields_of(const FrameDescription& description, const FrameDescription::Message& message) {
+  return message.text ? fields_of_text(description, message) : fields_of_bytes(description, message);
+}
+
+// Compares a value with the quantity of the sample, or with the test value if `given` is not nullptr.
+void expect_field(const DescribedField& field, const FieldValue& value, const Reading& reading,
+                  const MessageLayout::State& state, const FrameTestValues* given) {
+  const FrameSource& source = field.source;
+  const MeasuredQuantity* quantity = source.in.quantity;
+  const bool is_number = quantity != nullptr && quantity->kind == MeasuredQuantity::Kind::number;
+  if (given != nullptr && field.may_be_left_out && is_number && !given->has(*quantity)) {
+    EXPECT_EQ(value.kind, FieldValue::Kind::left_out);
+    return;
+  }
+  ASSERT_NE(value.kind, FieldValue::Kind::left_out);
+  const double got = number_of(value);
+  if (source.kind == FrameSource::Kind::status) {
+    EXPECT_EQ(got, is_set(source.bits, reading, state) ? 1 : 0);
+    return;
+  }
+  const auto counted = [&](std::uint64_t count) {
+    const std::uint64_t sent = source.modulus != 0 ? count % static_cast<std::uint64_t>(source.modulus) : count;
+    EXPECT_EQ(got, static_cast<double>(sent & low_bits(field.width)));
+    EXPECT_EQ(value.kind, FieldValue::Kind::integer);
+  };
+  if (source.kind == FrameSource::Kind::alive_counter) return counted(state.count);
+  if (source.kind == FrameSource::Kind::frame_counter) return counted(state.frames);
+  if (quantity->kind == MeasuredQuantity::Kind::counter) return counted(reading.sample.counter);
+  if (quantity->kind == MeasuredQuantity::Kind::status) return counted(reading.sample.status);
+  const double si = quantity->kind == MeasuredQuantity::Kind::time
+                        ? 1e-9 * static_cast<double>(reading.sample.stamp().ns)
+                    : given != nullptr ? given->number(*quantity)
+                                       : quantity->get(reading);
+  if (field.is_choice) {
+    EXPECT_EQ(got, si > 0 ? 1 : 0);
+    return;
+  }
+  const double wanted = (si - source.in.offset) / std::abs(source.in.factor);
+  double difference = got - wanted;
+  if (source.modulus != 0) {
+    EXPECT_GE(got, 0);
+    EXPECT_LE(got, source.modulus);
+    difference -= source.modulus * std::round(difference / source.modulus);
+  }
+  EXPECT_LE(std::abs(difference), field.lsb * (1 + 1e-6) + field.relative * std::abs(wanted) + 1e-30)
+      << got << " for " << wanted;
+}
+
+// Calls `act` with each message of each shipped description.
+template <class Act>
+void each_shipped_message(Act act) {
+  for (const ShippedFrames& shipped : shipped_frames()) {
+    const auto description = read_frames(std::string(shipped.name));
+    const std::vector<FrameMessage> messages = frame_messages(*description);
+    for (std::size_t i = 0; i < messages.size(); ++i) {
+      SCOPED_TRACE(std::string(shipped.name) + ", message " + messages[i].name);
+      const std::vector<DescribedField> fields = fields_of(*description, description->messages[i]);
+      ASSERT_EQ(messages[i].layout->fields().size(), fields.size());
+      act(description->messages[i], *messages[i].layout, fields);
+    }
+  }
+}
+
+void expect_fields(const MessageLayout& layout, std::span<const std::byte> frame,
+                   const std::vector<DescribedField>& fields, const Reading& reading,
+                   const MessageLayout::State& state, const FrameTestValues* given, int& compared) {
+  std::vector<FieldValue> values(fields.size());
+  layout.read_fields(frame, values);
+  for (std::size_t i = 0; i < fields.size(); ++i) {
+    SCOPED_TRACE(std::to_string(i) + ", " + layout.fields()[i]);
+    EXPECT_EQ(layout.fields()[i], fields[i].source.name);
+    expect_field(fields[i], values[i], reading, state, given);
+    ++compared;
+  }
+}
+
+// The test frames are from outside: from documents, captures and other encoders.
+TEST(FrameFields, OfTestFramesAreTheirTestValues) {
+  int compared = 0;
+  each_shipped_message([&](const FrameDescription::Message& message, const MessageLayout& layout,
+                           const std::vector<DescribedField>& fields) {
+    for (const FrameDescription::Test& test : message.tests) {
+      FrameTestValues given;
+      for (const FrameDescription::Value& value : test.values) given.add(test_source(value.name), value.value);
+      std::vector<std::byte> frame(test.frame.text.size());
+      std::memcpy(frame.data(), test.frame.text.data(), frame.size());
+      if (!message.text) frame = hex_bytes(test.frame.text);
+      expect_fields(layout, frame, fields, {given.sample}, given.state, &given, compared);
+    }
+  });
+  EXPECT_GE(compared, 800);
+}
+
+Sample sample_with_all() {
+  Sample sample;
+  sample.time.ns = 12'345'678;
+  sample.counter = 1;
+  sample.rate = Vector3(0.1, -0.2, 0.3);
+  sample.specific_force = Vector3(0.5, -0.25, -9.8);
+  sample.delta_angle = 0.01 * sample.rate;
+  sample.delta_velocity = 0.01 * sample.specific_force;
+  sample.temperature_c = 31;
+  sample.status = status::gyro_saturated_x << 1 | status::accelerometer_saturated_x;
+  sample.magnetic_field = Vector3(2e-5, -1e-6, 4e-5);
+  sample.pressure = 98'765;
+  sample.q_LP = Quaternion(0.98, -0.05, 0.04, -0.33).normalized();
+  sample.navigation = {.is_known = true,
+                       .gps_ns = 1'440'000'001'234'500'000,
+                       .latitude = -0.8,
+                       .longitude = 0.1,
+                       .height = 432.1,
+                       .r_E = Vector3(4'429'000, 444'300, -4'553'000),
+                       .v_L = Vector3(3, -4, 0.5)};
+  return sample;
+}
+
+TEST(FrameFields, AreTheSamplesQuantitiesWithinAnLsb) {
+  int compared = 0;
+  const Sample sample = sample_with_all();
+  const Reading reading{sample, sample.delta_angle, sample.delta_velocity, exp(sample.delta_angle), 0.01};
+  const MessageLayout::State state{2, 3, false};
+  each_shipped_message(
+      [&](const FrameDescription::Message&, const MessageLayout& layout, const std::vector<DescribedField>& fields) {
+        std::vector<std::byte> frame(layout.longest());
+        std::vector<double> carried(layout.carries());
+        const auto [size, saturated] = layout.encode(reading, state, carried, frame);
+        EXPECT_EQ(saturated, 0U);
+        expect_fields(layout, std::span(frame).first(size), fields, reading, state, nullptr, compared);
+      });
+  EXPECT_GE(compared, 450);
+}
 
 FieldRecording::Row row_of(const std::string& text, const std::vector<std::byte>& bytes) {
   Line line = frame_line(text);
