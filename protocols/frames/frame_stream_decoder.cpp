@@ -211,7 +211,7 @@ std::size_t FrameStreamDecoder::parse(std::span<const std::byte> held, Measureme
 void FrameStreamDecoder::take_content(MeasurementSink& sink) {
   const std::span<const std::byte> content = reader_.content();
   bool has_wrong_check = false;
-  for (std::size_t i = 0; i < known_.size(); ++i) {
+  for (const std::size_t i : order_) {
     const auto [match, size] = known_[i].message.layout->match(content);
     has_wrong_check |= match == MessageLayout::Match::wrong_check;
     if (match == MessageLayout::Match::yes && size == content.size() &&

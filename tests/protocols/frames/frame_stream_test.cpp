@@ -36,5 +36,28 @@ TEST(FrameStream, FramesHaveTheirOffset) {
   }
 }
 
+// Of messages that look alike, the one that the settings switch on; escaped or not.
+TEST(FrameStream, PassesTheMessageThatIsSwitchedOn) {
+  for (const char* escape : {"none", "cobs"})
+    for (const char* form : {"RATE", "ANGLE"}) {
+      SCOPED_TRACE(std::string(escape) + " " + form);
+      Settings settings = frame_settings(frames_of_text(
+          "escape = \"" + std::string(escape) + "\"\n" +
+              "frame_version = 1\nname = \"test\"\n[setting]\nFORM = [\"RATE\", \"ANGLE\"]\n"
+              "[[message]]\nname = \"rate\"\nwhen = {FORM = \"RATE\"}\nlayout = [\"A1 A2\", "
+              "\"rate_x_rad_per_s:f32\"]\n"
+              "[[message]]\nname = \"angle\"\nwhen = {FORM = \"ANGLE\"}\nlayout = [\"A1 A2\", \"yaw_rad:f32\"]\n",
+          "test.toml"));
+      settings.set("settings", std::vector<std::string>{"FORM=" + std::string(form)});
+      Line line(protocol_named("frame"), settings);
+      Recording recording;
+      FieldRecording frames(*line.decoder);
+      const std::vector<std::byte> bytes = bytes_of(line, {});
+      line.decoder->feed({bytes}, recording);
+      ASSERT_EQ(frames.rows.size(), 1U);
+      EXPECT_EQ(frames.rows[0].message, std::string_view(form) == "RATE" ? "rate" : "angle");
+    }
+}
+
 }  // namespace
 }  // namespace imud
