@@ -8,6 +8,7 @@
 #include <cstdio>
 #include <cstring>
 #include <optional>
+#include <stdexcept>
 #include <string>
 #include <utility>
 #include <vector>
@@ -15,6 +16,7 @@
 #include "protocols/measurements/measurement_csv.hpp"
 #include "protocols/protocol.hpp"
 #include "tools/arrays/measurement_files.hpp"
+#include "tools/field_csv.hpp"
 #include "tools/find/find_check.hpp"
 #include "tools/input/measurement_input.hpp"
 #include "tools/number_check.hpp"
@@ -40,14 +42,26 @@ struct Options {
   MeasurementFiles::Options files;
   std::optional<int> ready_fd;
   bool quiet = false;
+  bool fields = false;
 };
 
-// Writes and counts measurements, up to the number wanted.
-class Recorder final : public MeasurementReceiver {
+// Writes and counts measurements, or frames where their fields are printed, up to the number wanted.
+class Recorder final : public MeasurementReceiver, public FrameReceiver {
  public:
-  Recorder(const Protocol& protocol, const Options& options, TextOutput& csv, MeasurementFiles& files)
-      : statistics_(protocol), csv_(csv), files_(files), print_(!options.quiet), wanted_(options.input.count) {
+  // `fields`: nullptr if the measurements are printed.
+  Recorder(const Protocol& protocol, const Options& options, TextOutput& csv, FieldCsv* fields,
+           MeasurementFiles& files)
+      : statistics_(protocol),
+        csv_(csv),
+        fields_(fields),
+        files_(files),
+        print_(!options.quiet && fields == nullptr),
+        wanted_(options.input.count) {
     if (print_) csv_.write(measurement_csv_header);
+  }
+
+  void on_frame(const DecodedFrame& frame) override {
+    if (fields_ != nullptr && !is_full()) fields_->write(frame);
   }
 
   void on_measurement(const Measurement& measurement) override {
@@ -60,17 +74,19 @@ class Recorder final : public MeasurementReceiver {
   }
 
   void set_arrival(std::optional<HostTime> arrival) override { arrival_ = arrival; }
-  bool is_full() const override { return statistics_.samples() >= wanted_; }
+  bool is_full() const override { return decoded() >= wanted_; }
   bool is_open() const override { return csv_.is_open(); }
   void flush() override {
     csv_.flush();
     files_.flush();
   }
   StreamStatistics& statistics() { return statistics_; }
+  std::uint64_t decoded() const { return fields_ != nullptr ? fields_->rows() : statistics_.samples(); }
 
  private:
   StreamStatistics statistics_;
   TextOutput& csv_;
+  FieldCsv* const fields_;
   MeasurementFiles& files_;
   const bool print_;
   const std::uint64_t wanted_;
@@ -85,6 +101,9 @@ int decode(const Options& options, bool& running) {
   for (const Requirement& limit : required)
     StreamReport{protocol, {}, StreamStatistics(protocol), {}, {}, {}, {}, {}}.seen(limit);
   const auto decoder = protocol.make_decoder(settings_from(protocol.settings, options.input.settings));
+  auto* const field_decoder = dynamic_cast<FieldDecoder*>(decoder.get());
+  if (options.fields && field_decoder == nullptr)
+    throw std::invalid_argument(fmt::format("--fields is for protocol frame: {} has no description", protocol.name));
   const auto port = open_port(options.input.port, Role::listener);
   if (options.ready_fd) {
     const FileDescriptor ready(*options.ready_fd);
@@ -94,6 +113,8 @@ int decode(const Options& options, bool& running) {
   if (const std::string chosen = port->chosen_port(); !chosen.empty())
     fmt::print(stderr, "imu-decode: receives at {}\n", chosen);
   TextOutput csv("-");
+  std::optional<FieldCsv> fields;
+  if (options.fields) fields.emplace(*field_decoder, csv);
   std::optional<TextOutput> json;
   FilesInUse in_use;
   in_use.add_input(options.input.port, "the input");
@@ -103,7 +124,8 @@ int decode(const Options& options, bool& running) {
   MeasurementFiles files(options.files, protocol, options.input.port, in_use);
 
   running = true;
-  Recorder recorder(protocol, options, csv, files);
+  Recorder recorder(protocol, options, csv, fields ? &*fields : nullptr, files);
+  if (fields) field_decoder->pass_frames_to(&recorder);
   const std::string_view ended_by = receive_all(*port, *decoder, recorder, options.input);
   const DecodeErrors errors = decoder->errors();
   csv.flush();
@@ -118,6 +140,7 @@ int decode(const Options& options, bool& running) {
                             std::string(ended_by),
                             std::move(required)};
   std::fputs(report.text().c_str(), stderr);
+  if (fields) fmt::print(stderr, "frames     {}\n", fields->counts_text());
   if (json) {
     json->write(report.json());
     json->flush();
@@ -126,9 +149,9 @@ int decode(const Options& options, bool& running) {
   if (const std::string missing = files.finish(); !missing.empty()) fmt::print(stderr, "truth      {}\n", missing);
   if (!csv.is_open() && csv.error() != EPIPE)
     throw std::runtime_error(std::string("standard output: ") + std::strerror(csv.error()));
-  if (recorder.statistics().samples() == 0) {
-    fmt::print(stderr, "imu-decode: no sample was decoded; does {} use this protocol ({})?\n", options.input.port,
-               protocol.name);
+  if (recorder.decoded() == 0) {
+    fmt::print(stderr, "imu-decode: no {} was decoded; does {} use this protocol ({})?\n",
+               fields ? "frame" : "sample", options.input.port, protocol.name);
     return failed;
   }
   return report.keeps_all_limits() ? 0 : limit_broken;
@@ -150,6 +173,7 @@ int execute(int argc, char** argv, bool& running) {
   app.parse_complete_callback([&] {
     if (!find.capture.empty() && !options.input.protocol.empty())
       throw CLI::ExcludesError("--find-check", "PROTOCOL");
+    if (options.fields && options.quiet) throw CLI::ExcludesError("--fields", "--quiet");
     if (!find.capture.empty()) return;
     if (options.input.protocol.empty()) throw CLI::RequiredError("PROTOCOL");
     if (options.input.port.empty()) throw CLI::RequiredError("PORT");
@@ -162,6 +186,10 @@ int execute(int argc, char** argv, bool& running) {
       "writes a line to this file descriptor, and closes it, when the port is open")
       ->check(number_check(1, 1023));
   app.add_flag("--quiet", options.quiet, "no CSV, only the report");
+  app.add_flag(
+      "--fields", options.fields,
+      "protocol frame: in place of measurements, CSV of all that each frame carries, by the names and in the\n"
+      "units of the description; --count is of frames then");
   add(app, "--json", options.json_path, "FILE", "also writes the report as JSON; - is standard output");
   MeasurementFiles::add_options(app, options.files);
   app.footer(fmt::format(
