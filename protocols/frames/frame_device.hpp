@@ -98,7 +98,8 @@ class FrameDevice final : public Device, private FrameHost::Unit {
 // that settings switch, or whose phases exclude a message that is there. The measurement is complete when no other
 // message can belong to it, or when the next sample begins. A vector has its field set if all components that the
 // messages carry are there; the others are 0. Clocks and counters go on where they begin again; a stream without a
-// counter of samples has its counter of messages.
+// counter of samples has its counter of messages, or, if it has no clock either and all messages are sent with each
+// sample, the counter of all messages.
 class FrameStreamDecoder final : public Decoder, public FieldDecoder {
  public:
   // `values`: of the settings that the unit probably has. Messages that are sent with these are tried first, as
@@ -144,8 +145,8 @@ class FrameStreamDecoder final : public Decoder, public FieldDecoder {
   FrameReceiver* receiver_ = nullptr;
   std::vector<std::size_t> order_;  // in which they are tried
   std::uint32_t components_ = 0;    // that all messages together carry
-  // Bits of the messages whose clock, counter of samples, and own counter are read.
-  std::uint64_t clocks_ = 0, counters_ = 0, alive_counters_ = 0;
+  // Bits of the messages whose clock, counter of samples, own counter, and counter of all messages are read.
+  std::uint64_t clocks_ = 0, counters_ = 0, alive_counters_ = 0, frame_counters_ = 0;
   Continued time_, count_;
 
   Search search_;

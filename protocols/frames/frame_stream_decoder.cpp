@@ -100,10 +100,19 @@ void FrameStreamDecoder::choose_clocks() {
       best = std::max(best, round);
     }
   };
-  std::optional<std::size_t> clock, counter, alive_counter;
+  std::optional<std::size_t> clock, counter, alive_counter, frame_counter;
   choose(clock, &MessageLayout::Decoded::time);
   choose(counter, &MessageLayout::Decoded::counter);
   if (!counter) choose(alive_counter, &MessageLayout::Decoded::alive_counter);
+  // The counter of all messages has equal steps only if the same messages are sent each time.
+  const bool has_equal_steps = std::ranges::all_of(known_, [this](const Known& one) {
+    const FrameMessage& first = known_.front().message;
+    return one.is_needed && one.message.period == first.period && one.message.divider == first.divider &&
+           one.message.phases == first.phases;
+  });
+  const bool has_time = std::ranges::any_of(known_, [](const Known& one) { return one.message.layout->has_time(); });
+  if (!counter && !alive_counter && !has_time && has_equal_steps)
+    choose(frame_counter, &MessageLayout::Decoded::frame_counter);
   // Messages that have the same clock or counter are read, too, and messages that settings let stand in its place.
   const auto all_like = [this](const std::optional<std::size_t>& chosen,
                                std::optional<Wrapping> MessageLayout::Decoded::*part, bool is_own) {
@@ -120,6 +129,7 @@ void FrameStreamDecoder::choose_clocks() {
   clocks_ = all_like(clock, &MessageLayout::Decoded::time, false);
   counters_ = all_like(counter, &MessageLayout::Decoded::counter, false);
   alive_counters_ = all_like(alive_counter, &MessageLayout::Decoded::alive_counter, true);
+  frame_counters_ = all_like(frame_counter, &MessageLayout::Decoded::frame_counter, true);
 }
 
 std::uint64_t FrameStreamDecoder::Continued::next(const Wrapping& read, bool may_go_back) noexcept {
@@ -177,6 +187,7 @@ bool FrameStreamDecoder::accept(const DecodedFrame& frame, MeasurementSink& sink
   };
   if ((counters_ & bit(index)) != 0 && decoded->counter) count(decoded->counter);
   if ((alive_counters_ & bit(index)) != 0 && decoded->alive_counter) count(decoded->alive_counter);
+  if ((frame_counters_ & bit(index)) != 0 && decoded->frame_counter) count(decoded->frame_counter);
   if ((clocks_ & bit(index)) != 0 && decoded->time) {
     const std::uint64_t ticks = time_.next(*decoded->time, true);
     sample.time.ns = static_cast<std::int64_t>(ticks * static_cast<std::uint64_t>(layout.time_lsb_ns()));

@@ -98,10 +98,12 @@ void FrameLayout::Compiler::find_read_back() {
   for (std::size_t i = 0; i < out_.fields_.size(); ++i) {
     const Field& field = out_.fields_[i];
     if (field.source == Source::alive_counter) longest(out_.alive_counter_, i);
+    if (field.source == Source::frame_counter) longest(out_.frame_counter_, i);
     if (field.quantity == nullptr) continue;
     if (field.quantity->kind == MeasuredQuantity::Kind::counter) longest(out_.counter_, i);
     if (field.time_lsb_ns != 0) longest(out_.clock_, i);
     out_.has_increments_ |= field.quantity->is_increment;
+    out_.has_time_ |= field.quantity->kind == MeasuredQuantity::Kind::time;
     if (field.quantity->set == nullptr || field.modulus != 0) continue;
     ReadBack own;
     field.quantity->set(0, own);

@@ -184,7 +184,7 @@ FrameLayout::Decoded FrameLayout::wrapping() const noexcept {
   const auto of = [this](const std::optional<std::size_t>& field) {
     return field ? std::optional(Wrapping{0, fields_[*field].period}) : std::nullopt;
   };
-  return {of(clock_), of(counter_), of(alive_counter_)};
+  return {of(clock_), of(counter_), of(alive_counter_), of(frame_counter_)};
 }
 
 std::optional<FrameLayout::Decoded> FrameLayout::decode(std::span<const std::byte> frame,
@@ -199,7 +199,10 @@ std::optional<FrameLayout::Decoded> FrameLayout::decode(std::span<const std::byt
       if (i == alive_counter_) decoded.alive_counter = {bits, field.period};
       continue;
     }
-    if (field.source == Source::frame_counter) continue;
+    if (field.source == Source::frame_counter) {
+      if (i == frame_counter_) decoded.frame_counter = {bits, field.period};
+      continue;
+    }
     if (field.source == Source::status) {
       // A bit that stands for several is read back only if they are one.
       if (!std::has_single_bit(field.status_bits)) continue;

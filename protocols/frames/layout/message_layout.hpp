@@ -22,6 +22,8 @@ class MessageLayout {
   virtual std::size_t longest() const noexcept = 0;  // bytes of the longest frame
   // Returns true if the message depends on the increments of the Reading.
   bool has_increments() const noexcept { return has_increments_; }
+  // Returns true if the message carries the sensor's clock.
+  bool has_time() const noexcept { return has_time_; }
   // Returns the number of fields whose remainder is carried.
   virtual std::size_t carries() const noexcept = 0;
   // The components that the message carries, as in ReadBack.
@@ -63,7 +65,7 @@ class MessageLayout {
     std::uint64_t value = 0, period = 0;
   };
   struct Decoded {
-    std::optional<Wrapping> time, counter, alive_counter;
+    std::optional<Wrapping> time, counter, alive_counter, frame_counter;
   };
   // The LSB of Decoded::time, ns; 1 if the message has none.
   virtual std::int64_t time_lsb_ns() const noexcept = 0;
@@ -91,10 +93,10 @@ class MessageLayout {
   MessageLayout(const MessageLayout&) = default;
   MessageLayout& operator=(const MessageLayout&) = default;
 
-  bool has_increments_ = false;
+  bool has_increments_ = false, has_time_ = false;
   std::uint32_t components_ = 0;
   // Where several fields are a clock or a counter, the one with the longest round is read back. Indices of fields.
-  std::optional<std::size_t> clock_, counter_, alive_counter_;
+  std::optional<std::size_t> clock_, counter_, alive_counter_, frame_counter_;
   std::vector<std::string> field_names_;
   std::vector<Row> rows_;
 };

@@ -101,8 +101,10 @@ void TextLayout::Compiler::find_read_back() {
     if (piece.kind != Kind::field) continue;
     const MeasuredQuantity* quantity = piece.source.in.quantity;
     if (piece.source.kind == Source::alive_counter && better(out_.alive_counter_, piece)) out_.alive_counter_ = i;
+    if (piece.source.kind == Source::frame_counter && better(out_.frame_counter_, piece)) out_.frame_counter_ = i;
     if (quantity == nullptr) continue;
     out_.has_increments_ |= quantity->is_increment;
+    out_.has_time_ |= quantity->kind == MeasuredQuantity::Kind::time;
     if (quantity->kind == MeasuredQuantity::Kind::counter && better(out_.counter_, piece)) out_.counter_ = i;
     const double lsb_ns = piece.lsb * piece.source.in.factor * 1e9;
     if (quantity->kind == MeasuredQuantity::Kind::time && piece.source.modulus != 0 && piece.format.is_integer()) {

@@ -204,7 +204,7 @@ MessageLayout::Decoded TextLayout::wrapping() const noexcept {
   const auto of = [this](const std::optional<std::size_t>& index) {
     return index ? std::optional(Wrapping{0, pieces_[*index].period()}) : std::nullopt;
   };
-  return {of(clock_), of(counter_), of(alive_counter_)};
+  return {of(clock_), of(counter_), of(alive_counter_), of(frame_counter_)};
 }
 
 // Returns false if the field is of a number that cannot be.
@@ -213,12 +213,13 @@ bool TextLayout::read_field(std::size_t index, std::string_view text, ReadBack& 
   const TextPiece& piece = pieces_[index];
   const FrameSource& source = piece.source;
   Measurement& measurement = read.measurement;
-  if (index == clock_ || index == counter_ || index == alive_counter_) {
+  if (index == clock_ || index == counter_ || index == alive_counter_ || index == frame_counter_) {
     const auto value = piece.format.read_integer(text);
     if (!value) return false;
-    (index == clock_     ? decoded.time
-     : index == counter_ ? decoded.counter
-                         : decoded.alive_counter) = Wrapping{*value, piece.period()};
+    (index == clock_           ? decoded.time
+     : index == counter_       ? decoded.counter
+     : index == alive_counter_ ? decoded.alive_counter
+                               : decoded.frame_counter) = Wrapping{*value, piece.period()};
     return true;
   }
   if (source.kind == Source::alive_counter || source.kind == Source::frame_counter) return true;

@@ -1,4 +1,4 @@
-// The frames of a stream that a decoder passes on.
+// The frames of a stream that a decoder passes on, and the numbers of its samples.
 #include <algorithm>
 
 #include "tests/protocols/frames/field_recording.hpp"
@@ -57,6 +57,34 @@ TEST(FrameStream, PassesTheMessageThatIsSwitchedOn) {
       ASSERT_EQ(frames.rows.size(), 1U);
       EXPECT_EQ(frames.rows[0].message, std::string_view(form) == "RATE" ? "rate" : "angle");
     }
+}
+
+// --- Gaps by the counter of all messages ---
+std::vector<std::uint64_t> counters_of(const std::string& second, std::string_view time) {
+  Line line = frame_line(one_message("A5 01\nframe_counter:u8\nrate_x_deg_per_s:i16\n" + std::string(time)) +
+                         "[[message]]\nname = \"ahrs\"\n" + second +
+                         "layout = [\"A5 02\", \"frame_counter:u8\", \"yaw_deg:i16\"]\n");
+  Recording recording;
+  Sample sample;
+  for (int k = 0; k < 300; ++k) {
+    const std::vector<std::byte> bytes = bytes_of(line, sample);
+    if (k != 200 && k != 201) line.decoder->feed({bytes}, recording);
+    ++sample.counter;
+    sample.time = sample.time + std::chrono::milliseconds(10);
+  }
+  line.decoder->finish(recording);
+  std::vector<std::uint64_t> counters;
+  for (const Measurement& measurement : recording.measurements)
+    if ((measurement.fields & Measurement::counter) != 0) counters.push_back(measurement.sample.counter);
+  return counters;
+}
+
+TEST(FrameStream, ACounterOfAllMessagesCountsSamplesThatHaveNothingElse) {
+  const std::vector<std::uint64_t> counters = counters_of("", "");
+  ASSERT_EQ(counters.size(), 298U);
+  for (std::uint64_t k = 0; k < 298; ++k) EXPECT_EQ(counters[k], 2 * (k < 200 ? k : k + 2)) << k;
+  EXPECT_TRUE(counters_of("divider = 3\n", "").empty()) << "its steps differ";
+  EXPECT_TRUE(counters_of("", "time_ms:u16").empty()) << "the time shows gaps";
 }
 
 }  // namespace
