@@ -100,6 +100,8 @@ std::string StreamReport::text() const {
     line("jitter", percentiles_text(statistics.jitter()) + " (arrival against a fitted line)");
   if (statistics.can_detect_gaps())
     line("gaps", fmt::format("{} ({} missing)", statistics.gaps(), plural(statistics.missing(), "sample")));
+  else if (statistics.samples() < 2)
+    line("gaps", "unknown: they are between samples, and there are not two");
   else
     line("gaps", "unknown: the protocol carries neither counter nor time");
   line("checksum",

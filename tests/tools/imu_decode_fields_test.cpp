@@ -51,6 +51,8 @@ TEST(ImuDecodeFields, AreARowForEachFrame) {
   EXPECT_EQ(all.exit_code, 0) << all.errors;
   EXPECT_EQ(all.output, first + "\"ahrs, fast\",13,,,,,8,0.1,0\n");
   EXPECT_TRUE(contains(all.errors, "samples    1\n")) << all.errors;
+  EXPECT_TRUE(contains(all.errors, "gaps       unknown: they are between samples, and there are not two\n"))
+      << all.errors;
   EXPECT_TRUE(contains(all.errors, "frames     1 imu, 1 \"ahrs, fast\"\n")) << all.errors;
   const auto one =
       run_program("imu-decode", {"frame", "file:" + capture, "--frame-file", file, "--fields", "--count", "1"});
