@@ -84,7 +84,7 @@ std::string model_text(const Protocol& protocol, const Preset* preset) {
 // Returns a sample rate, Hz, at which the messages of a protocol that is no product are possible and fit on the line.
 double example_rate_hz(const Protocol& protocol, const Transport& port) {
   constexpr double usual = 200;
-  for (const double rate_hz : {usual, 100.0, 50.0, 20.0, 10.0, 1000.0}) try {
+  for (const double rate_hz : {usual, 100.0, 50.0, 20.0, 10.0, 1000.0, 2000.0}) try {
       ImuConfig imu;
       imu.protocol = &protocol;
       imu.settings = Settings(protocol.settings);

@@ -61,9 +61,9 @@ Json described(const Protocol& protocol) {
   json["settings"] = described(protocol.settings);
   if (is_described(protocol)) json["layout"] = protocol.layout(Settings(protocol.settings));
   if (std::ranges::any_of(protocol.settings, &Setting::names_frames))
-    for (const Protocol* described : described_protocols())
+    for (const DescribedTitle& title : described_titles())
       json["descriptions"].push_back(
-          {{"name", described->name}, {"summary", described->summary}, {"document", described->document}});
+          {{"name", title.name}, {"summary", title.summary}, {"document", title.document}});
   json["counters"] = Json::array();
   for (const DeviceCounter& counter : protocol.counters)
     json["counters"].push_back({{"key", counter.key}, {"help", counter.words}});
@@ -202,7 +202,7 @@ template <class Entry>
 void print_lines(std::string_view title, std::span<const Entry* const> entries) {
   fmt::print("{}\n", title);
   for (const Entry* entry : entries) {
-    fmt::print("  {:<12} {}", entry->name, entry->summary);
+    fmt::print("  {:<16} {}", entry->name, entry->summary);
     if constexpr (std::is_same_v<Entry, Transport>) fmt::print("; {}", entry->syntax);
     fmt::print(" [{}]\n", entry->document);
   }
@@ -210,12 +210,14 @@ void print_lines(std::string_view title, std::span<const Entry* const> entries) 
 
 void print_lines() {
   print_lines("protocols", protocols());
-  print_lines("protocols that a shipped description has", std::span<const Protocol* const>(described_protocols()));
+  fmt::print("protocols that a shipped description has\n");
+  for (const DescribedTitle& title : described_titles())
+    fmt::print("  {:<16} {} [{}]\n", title.name, title.summary, title.document);
   print_lines("truth formats", truth_formats());
   print_lines("transports", transports());
   fmt::print("presets\n");
   for (const auto all : {presets(), field_presets()})
-    for (const Preset& preset : all) fmt::print("  {:<12} {} [{}]\n", preset.name, preset.summary(), preset.source());
+    for (const Preset& preset : all) fmt::print("  {:<16} {} [{}]\n", preset.name, preset.summary(), preset.source());
 }
 
 }  // namespace

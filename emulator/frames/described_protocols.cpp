@@ -42,6 +42,15 @@ const Protocol* described_protocol(const ShippedFrames& shipped) {
   return &place->second.protocol;
 }
 
+// Returns the text of a key that stands in a line of its own; empty if there is none.
+std::string_view line_value(std::string_view text, std::string_view key) {
+  const std::string begin = fmt::format("\n{} = \"", key);
+  const std::size_t at = text.find(begin);
+  if (at == text.npos) return {};
+  text.remove_prefix(at + begin.size());
+  return text.substr(0, text.find('"'));
+}
+
 }  // namespace
 
 const Protocol* resolve_protocol(std::string_view name) {
@@ -57,6 +66,13 @@ bool is_described(const Protocol& protocol) {
 std::vector<const Protocol*> described_protocols() {
   std::vector<const Protocol*> all;
   for (const ShippedFrames& shipped : shipped_frames()) all.push_back(described_protocol(shipped));
+  return all;
+}
+
+std::vector<DescribedTitle> described_titles() {
+  std::vector<DescribedTitle> all;
+  for (const ShippedFrames& shipped : shipped_frames())
+    all.push_back({shipped.name, line_value(shipped.text, "name"), line_value(shipped.text, "document")});
   return all;
 }
 

@@ -76,7 +76,7 @@ TEST(List, ShowsWhatAnEntryHas) {
         const Settings settings(protocol->settings);
         for (const std::string& line : protocol->layout(settings)) EXPECT_TRUE(contains(text, line)) << name;
         EXPECT_TRUE(contains(text, fmt::format("model in [[imu]]: {}\n", default_model(*protocol, settings))));
-        EXPECT_TRUE(contains(all, fmt::format("  {:<12} {} [{}]\n", name, protocol->summary, protocol->document)));
+        EXPECT_TRUE(contains(all, fmt::format("  {:<16} {} [{}]\n", name, protocol->summary, protocol->document)));
       }
       ASSERT_TRUE(json[0].contains("counters"));
       EXPECT_EQ(json[0]["counters"].size(), protocol->counters.size()) << name;

@@ -115,9 +115,9 @@ TEST(ImuDecodeFrame, DecodesAShippedDescriptionByItsName) {
   const auto decoded =
       run_program("imu-decode", {"hg4930", "file:" + (folder / "out.bin"), "--quiet", "--require", "checksum=0"});
   EXPECT_EQ(decoded.exit_code, 0) << decoded.errors;
-  EXPECT_EQ(decoded.errors,
-            run_program("imu-decode", {"frame", "file:" + (folder / "out.bin"), "--quiet", "--frame-file", "hg4930"})
-                .errors);
+  EXPECT_EQ(decoded.errors, run_program("imu-decode", {"frame", "file:" + (folder / "out.bin"), "--quiet",
+                                                       "--frame-file", "hg4930", "--require", "checksum=0"})
+                                .errors);
   const auto both =
       run_program("imu-decode", {"hg4930", "file:" + (folder / "out.bin"), "--frame-file", folder / "mine.toml"});
   EXPECT_EQ(both.exit_code, 2);

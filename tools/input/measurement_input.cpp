@@ -50,8 +50,8 @@ std::string known_protocols() {
   };
   list("Protocols:\n", protocols());
   text += "Protocols by a shipped description, with the settings of frame but for frame_file:\n";
-  for (const Protocol* protocol : described_protocols())
-    text += fmt::format("  {:<16} {}\n", protocol->name, protocol->summary);
+  for (const DescribedTitle& title : described_titles())
+    text += fmt::format("  {:<16} {}\n", title.name, title.summary);
   list("Logs, in place of a protocol:\n", log_formats());
   return text;
 }

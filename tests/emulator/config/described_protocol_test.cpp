@@ -135,6 +135,17 @@ TEST_F(DescribedProtocol, IsConfiguredAsAnyOther) {
   EXPECT_TRUE(contains(fault("protocol = \"kvh1750\"\n"), "imu.0.protocol: kvh1750: line "));
 }
 
+TEST_F(DescribedProtocol, HasATitleInALineOfItsOwn) {
+  const std::vector<const Protocol*> all = described_protocols();
+  const std::vector<DescribedTitle> titles = described_titles();
+  ASSERT_EQ(titles.size(), all.size());
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    EXPECT_EQ(titles[i].name, all[i]->name);
+    EXPECT_EQ(titles[i].summary, all[i]->summary);
+    EXPECT_EQ(titles[i].document, all[i]->document);
+  }
+}
+
 TEST_F(DescribedProtocol, HasTheModelOfItsDescription) {
   std::set<std::string_view> with_model;
   for (const Protocol* protocol : described_protocols()) {
