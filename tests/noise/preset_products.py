@@ -178,7 +178,7 @@ PRODUCTS = [
     Product("sbg-ellipse", "`sbg-imu`, 200 Hz (50 Hz)", [frame("sbg-imu", 200, sbg, 41)], [frame("sbg-imu", 50, sbg, 41)]),
     # At a lower rate, steps of 1e-3 rad/s would hide a part of the flicker.
     Product("sbg-ellipse", "`sbg-can`, 200 Hz", [Run('protocol = "sbg-can"\n', 200)], digits=(1e-3, 1e-2)),
-    # Half of RawIMU's rate. Its floats of 16 bits have steps of 2^-7 m/s^2 on the axis that senses gravity.
+    # The low pass at 20 Hz, as delivered. Floats of 16 bits have steps of 2^-7 m/s^2 on the axis that senses gravity.
     Product("icm-42688-p", "`dronecan`, 200 Hz", [Run('protocol = "dronecan"\n', 200)], (), folded(1000, 200, butterworth(20, 1000, 2)),
             (0, 2.0**-7 / 3**0.5)),
 ]
