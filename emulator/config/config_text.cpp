@@ -201,6 +201,12 @@ ConfigText read_config_text(const std::string& path, std::span<const std::string
     add_syntax_faults(content, faults);
     throw ConfigError(faults.all());
   }
+  if (const toml::node* version = text.root.get("frame_version")) {
+    faults.add(version->source().begin.line, "frame_version",
+               "this file describes the frames of a sensor; give it as device.frame_file of an [[imu]] with "
+               "protocol = \"frame\"");
+    throw ConfigError(faults.all());
+  }
   for (const std::string& assignment : overrides) {
     override_key(text.root, assignment, faults);
     content += assignment + "\n";

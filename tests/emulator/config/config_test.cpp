@@ -193,6 +193,13 @@ delta_velocity = "memo"
   EXPECT_EQ(imu.model.delta_velocity, DeltaVelocity::memo);
 }
 
+TEST_F(ConfigTest, ADescriptionOfFramesIsNoConfiguration) {
+  EXPECT_EQ(
+      fault("name = \"x\"\nframe_version = 1\n[[message]]\nlayout = [\"AA\"]\n"),
+      "2: frame_version: this file describes the frames of a sensor; give it as device.frame_file of an [[imu]] "
+      "with protocol = \"frame\"");
+}
+
 // By the same code as in a run.
 TEST_F(ConfigTest, ColumnsThatAreNotEnoughAreAFaultOfTheirKey) {
   std::string text = good;
