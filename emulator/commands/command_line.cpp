@@ -287,8 +287,9 @@ int execute(int argc, const char* const* argv) {
   with_set(selftest_command);
   add(*selftest_command, "--for", measure_s, "SECONDS", "Duration of each measurement (2)")
       ->check(CLI::Range(0.1, 3600.0));
-  auto* list_command = app.add_subcommand(
-      "list", "Show protocols, truth formats, transports and presets, or what NAME has; faults: kinds of faults");
+  auto* list_command = app.add_subcommand("list",
+                                          "Show protocols, truth formats, transports and presets, or what NAME has; "
+                                          "faults: kinds of faults; checks: checks of frames");
   list_command->add_option("NAME", arguments.name, "A protocol, truth format, transport or preset");
   bool json = false;
   list_command->add_flag("--json", json, "As JSON");

@@ -14,6 +14,7 @@
 #include "emulator/faults/fault_kinds.hpp"
 #include "emulator/frames/described_protocols.hpp"
 #include "emulator/plan/fault_units.hpp"
+#include "protocols/frames/layout/frame_check.hpp"
 #include "protocols/quantities/truth_quantities.hpp"
 
 namespace imud {
@@ -125,6 +126,19 @@ Json described(const FaultKind& kind) {
   return json;
 }
 
+// The parameters of a CRC are texts in hexadecimal, as catalogues have them; other checks have their size alone.
+Json described_check(const std::string& name) {
+  Json json = {{"kind", "check"}, {"name", name}};
+  const CrcAlgorithm* crc = find_crc(name);
+  json["width"] = 8 * FrameCheck::find(name, {})->size();
+  if (crc == nullptr) return json;
+  const auto hex = [crc](std::uint64_t number) { return fmt::format("{:0{}X}", number, crc->parameters.width / 4); };
+  const auto& [width, poly, init, refin, refout, xorout] = crc->parameters;
+  json.update({{"poly", hex(poly)}, {"init", hex(init)}, {"refin", refin}, {"refout", refout}});
+  json.update({{"xorout", hex(xorout)}, {"check", hex(crc->check)}});
+  return json;
+}
+
 std::string text(const Json& json, const char* key) { return json.value(key, std::string()); }
 
 void print_table(const char* key, const Json& rows) {
@@ -197,6 +211,19 @@ void print_faults() {
   }
 }
 
+// The checks of frames, for descriptions of them.
+void print_checks() {
+  fmt::print("{:<24} {:>5}  poly init refin refout xorout, and the check of \"123456789\"\n", "check", "width");
+  for (const std::string& name : FrameCheck::names({})) {
+    const Json check = described_check(name);
+    fmt::print("{:<24} {:>5}", name, check["width"].get<int>());
+    if (check.contains("poly"))
+      fmt::print("  {} {} {} {} {}, {}", text(check, "poly"), text(check, "init"), check["refin"].get<bool>(),
+                 check["refout"].get<bool>(), text(check, "xorout"), text(check, "check"));
+    fmt::print("\n");
+  }
+}
+
 // Prints the entries of one table, a line each.
 template <class Entry>
 void print_lines(std::string_view title, std::span<const Entry* const> entries) {
@@ -227,6 +254,10 @@ int list(const std::string& name, bool json) {
     print_faults();
     return 0;
   }
+  if (name == "checks" && !json) {
+    print_checks();
+    return 0;
+  }
   if (name.empty() && !json) {
     print_lines();
     return 0;
@@ -237,6 +268,8 @@ int list(const std::string& name, bool json) {
   };
   if (name == "faults") {
     for (const FaultKind* kind : fault_kinds()) add(kind);
+  } else if (name == "checks") {
+    for (const std::string& check : FrameCheck::names({})) chosen.push_back(described_check(check));
   } else if (!name.empty()) {
     const auto entries = find_entries(name);
     if (!entries) return 2;

@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <set>
@@ -115,6 +116,20 @@ TEST(List, ShowsWhatAnEntryHas) {
 }
 
 // With the comments before keys, and without them.
+TEST(List, HasTheChecksOfFrames) {
+  const std::string text = run_program("imud", {"list", "checks"}).output;
+  EXPECT_TRUE(contains(text, "\ncrc16/xmodem                16  1021 0000 false false 0000, 31C3\n")) << text;
+  EXPECT_TRUE(contains(text, "\nfletcher8                   16\n")) << text;
+  const auto json = nlohmann::json::parse(run_program("imud", {"list", "checks", "--json"}).output);
+  EXPECT_GE(json.size(), 80U);
+  EXPECT_EQ(std::ranges::count_if(json,
+                                  [](const auto& one) {
+                                    return one["name"] == "crc32/iso-hdlc" && one["poly"] == "04C11DB7" &&
+                                           one["check"] == "CBF43926";
+                                  }),
+            1);
+}
+
 TEST(Example, IsAcceptedForEveryName) {
   for (const std::string& name : all_names()) {
     const auto example = run_program("imud", {"example", name});

@@ -112,7 +112,8 @@ FrameCheck check_named(std::string_view name, std::span<const FrameDescription::
   if (auto check = FrameCheck::find(name, own)) return *std::move(check);
   const std::string meant = nearest(name, FrameCheck::names(own));
   refuse_element("there is no check " + quoted(name) + "; " +
-                 (meant.empty() ? "protocols/frames/README.md lists them" : "did you mean " + quoted(meant) + "?"));
+                 (meant.empty() ? "" : "did you mean " + quoted(meant) + "? ") +
+                 "imud list checks prints all; of a wrong one the test_frame says which are right");
 }
 
 }  // namespace imud
