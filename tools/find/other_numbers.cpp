@@ -65,10 +65,10 @@ std::string reading_text(const Reading& reading, const HandledFrames& frames) {
 std::string bits_text(const NumberPlace& byte, const HandledFrames& frames) {
   std::set<unsigned> values, at_rest;
   for (const double value : frames.values(byte, Handled::rest, 4096))
-    at_rest.insert(static_cast<unsigned>(value) & 0xFFU);
+    at_rest.insert(static_cast<unsigned>(static_cast<int>(value)) & 0xFFU);
   values = at_rest;
   for (const double value : frames.values(byte, Handled::turned, 4096))
-    values.insert(static_cast<unsigned>(value) & 0xFFU);
+    values.insert(static_cast<unsigned>(static_cast<int>(value)) & 0xFFU);
   constexpr std::size_t most_values = 8;
   if (values.size() < 2 || values.size() > most_values) return "";
   std::string text = fmt::format("byte {}: values", byte.at), bits;
