@@ -95,6 +95,12 @@ TemperatureModel read_temperature(TableReader table);
 // Reads where the web server listens (web/web_config.cpp).
 WebConfig read_web(TableReader table);
 
+// Returns the model that an imu has by its protocol and its settings. Adds a fault if a description names one that
+// does not exist (presets.cpp).
+std::string_view own_model(TableReader& table, const ImuConfig& imu);
+// Reads the `model` of an imu, by default `own`, and returns its preset; nullptr if the word names no preset, or
+// there is no such preset, which is a fault (presets.cpp).
+const Preset* read_model(TableReader& table, std::string_view own, std::string& model);
 // Reads the `model` of a magnetometer or a barometer, a preset that `has` one; nullopt if there is none.
 std::optional<PresetErrors> read_field_model(TableReader& table, bool (*has)(const PresetErrors&), double rate_hz);
 
@@ -123,10 +129,5 @@ void set_bounds(const std::vector<ImuConfig>& imus, TruthBounds& bounds);
 EarthModel read_earth(TableReader table, TruthConfig& truth);
 // Describes the relation of N to the Earth.
 std::string earth_text(const TruthConfig& truth);
-
-// Returns true if the imu's protocol transmits these bits of Sample::status.
-bool carries_status(const ImuConfig& imu, std::uint32_t bits);
-// Returns false if the imu's protocol never sends a value that depends on place, magnetic field or pressure.
-bool carries_place(const ImuConfig& imu);
 
 }  // namespace imud

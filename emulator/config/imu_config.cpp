@@ -8,7 +8,6 @@
 #include "emulator/config/line_load.hpp"
 #include "emulator/config/presets.hpp"
 #include "emulator/frames/described_protocols.hpp"
-#include "protocols/frames/layout/frame_description.hpp"
 
 namespace imud {
 namespace {
@@ -153,36 +152,6 @@ SyncConfig read_sync(TableReader table, const Protocol* protocol) {
   read("tov_port", sync.tov_port, Role::device);
   table.finish();
   return sync;
-}
-
-// Returns the preset that `model` names, by default `own`; nullptr if the word names no preset, or there is no such
-// preset.
-const Preset* read_model(TableReader& table, std::string_view own, std::string& model) {
-  model = table.text("model", std::string(own));
-  const Preset* preset = find_preset(model);
-  if (preset != nullptr || model == "white" || model == model_without_errors ||
-      (table.has("model") && !is_text(table, "model")))
-    return preset;
-  std::vector<std::string> words = {"white", std::string(model_without_errors)};
-  for (const Preset& known : presets()) words.emplace_back(known.name);
-  table.fault("model", fmt::format("there is no \"{}\"; {}", model, suggestion(model, words)));
-  return nullptr;
-}
-
-// Returns the model that an imu has by its protocol and its settings. Adds a fault if a description names one that
-// does not exist.
-std::string_view own_model(TableReader& table, const ImuConfig& imu) {
-  constexpr std::string_view none = "white";
-  if (imu.protocol == nullptr) return none;
-  const std::string_view model = default_model(*imu.protocol, imu.settings);
-  const auto& description = imu.settings.frames();
-  if (description == nullptr || model == none || std::ranges::count(presets(), model, &Preset::name) > 0)
-    return model;
-  std::vector<std::string> words;
-  for (const Preset& known : presets()) words.emplace_back(known.name);
-  table.child("device").fault("frame_file", fmt::format("{}: model: there is no preset \"{}\"; {}", description->file,
-                                                        model, suggestion(model, words)));
-  return none;
 }
 
 // Adapts a preset's errors to a product. The product's own preset gets the range and the resolution of the wire.
@@ -422,45 +391,6 @@ ImuConfig read_imu(TableReader& table, std::size_t index) {
   increments.finish();
   table.finish();
   return imu;
-}
-
-bool carries_place(const ImuConfig& imu) {
-  // A host, or the settings, may choose the messages.
-  if (imu.protocol == nullptr || imu.protocol->product != nullptr || imu.protocol->fields != Measurement::all)
-    return true;
-  const auto bytes_of = [&](bool is_known) {
-    Sample sample = typical_sample();
-    if (is_known) {
-      sample.navigation = {.is_known = true, .latitude = 0.8, .longitude = 0.1, .height = 500};
-      sample.magnetic_field = Vector3::Constant(2e-5);
-      sample.pressure = 9e4;
-    }
-    const auto frames = std::make_unique<FrameBuffer>();
-    imu.protocol->make(imu.settings)->sample(sample, *frames);
-    std::vector<std::byte> bytes;
-    for (const Frame& frame : frames->frames()) bytes.insert(bytes.end(), frame.bytes.begin(), frame.bytes.end());
-    return bytes;
-  };
-  const std::vector<std::byte> bytes = bytes_of(false);
-  return bytes.empty() || bytes != bytes_of(true);
-}
-
-bool carries_status(const ImuConfig& imu, std::uint32_t bits) {
-  struct Sink final : MeasurementSink {
-    void on_measurement(const Measurement& measurement) override {
-      if ((measurement.fields & Measurement::status) != 0) seen |= measurement.sample.status;
-    }
-    std::uint32_t seen = 0;
-  } sink;
-  if (imu.protocol->product != nullptr) return (imu.protocol->status_bits & bits) == bits;
-  Sample sample = typical_sample();
-  sample.status = bits;
-  const auto frames = std::make_unique<FrameBuffer>();
-  imu.protocol->make(imu.settings)->sample(sample, *frames);
-  const std::unique_ptr<Decoder> decoder = imu.protocol->make_decoder(imu.settings);
-  for (const Frame& frame : frames->frames()) decoder->feed(frame, sink);
-  decoder->finish(sink);
-  return (sink.seen & bits) == bits;
 }
 
 }  // namespace imud

@@ -108,6 +108,45 @@ Sample typical_sample() {
   return sample;
 }
 
+bool carries_place(const ImuConfig& imu) {
+  // A host, or the settings, may choose the messages.
+  if (imu.protocol == nullptr || imu.protocol->product != nullptr || imu.protocol->fields != Measurement::all)
+    return true;
+  const auto bytes_of = [&](bool is_known) {
+    Sample sample = typical_sample();
+    if (is_known) {
+      sample.navigation = {.is_known = true, .latitude = 0.8, .longitude = 0.1, .height = 500};
+      sample.magnetic_field = Vector3::Constant(2e-5);
+      sample.pressure = 9e4;
+    }
+    const auto frames = std::make_unique<FrameBuffer>();
+    imu.protocol->make(imu.settings)->sample(sample, *frames);
+    std::vector<std::byte> bytes;
+    for (const Frame& frame : frames->frames()) bytes.insert(bytes.end(), frame.bytes.begin(), frame.bytes.end());
+    return bytes;
+  };
+  const std::vector<std::byte> bytes = bytes_of(false);
+  return bytes.empty() || bytes != bytes_of(true);
+}
+
+bool carries_status(const ImuConfig& imu, std::uint32_t bits) {
+  struct Sink final : MeasurementSink {
+    void on_measurement(const Measurement& measurement) override {
+      if ((measurement.fields & Measurement::status) != 0) seen |= measurement.sample.status;
+    }
+    std::uint32_t seen = 0;
+  } sink;
+  if (imu.protocol->product != nullptr) return (imu.protocol->status_bits & bits) == bits;
+  Sample sample = typical_sample();
+  sample.status = bits;
+  const auto frames = std::make_unique<FrameBuffer>();
+  imu.protocol->make(imu.settings)->sample(sample, *frames);
+  const std::unique_ptr<Decoder> decoder = imu.protocol->make_decoder(imu.settings);
+  for (const Frame& frame : frames->frames()) decoder->feed(frame, sink);
+  decoder->finish(sink);
+  return (sink.seen & bits) == bits;
+}
+
 bool carries_stamp(const ImuConfig& imu) {
   // A product that is given the time by its host may have none in typical samples.
   if (imu.protocol->product != nullptr && imu.protocol->resolution.time_s > 0) return true;

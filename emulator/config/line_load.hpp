@@ -1,4 +1,5 @@
-// Counts the frames that an imu sends, and computes the share of its line or bus that they occupy.
+// Counts the frames that an imu sends, says whether their bytes carry a quantity, and computes the share of its line
+// or bus that they occupy.
 #pragma once
 
 #include <cstdint>
@@ -16,6 +17,10 @@ namespace imud {
 // makes its longest rows.
 Sample typical_sample();
 
+// Returns true if the imu's protocol transmits these bits of Sample::status.
+bool carries_status(const ImuConfig& imu, std::uint32_t bits);
+// Returns false if the imu's protocol never sends a value that depends on place, magnetic field or pressure.
+bool carries_place(const ImuConfig& imu);
 // Returns false if an error of the stamps changes no byte of what the imu sends with its settings. A product whose
 // protocol can have the time counts as if it had it. The imu's protocol must be valid.
 bool carries_stamp(const ImuConfig& imu);

@@ -8,6 +8,7 @@
 
 #include "emulator/config/config_parts.hpp"
 #include "emulator/config/config_text.hpp"
+#include "emulator/config/line_load.hpp"
 #include "emulator/config/scenario.hpp"
 #include "emulator/frames/frame_file.hpp"
 #include "emulator/ground/tcp_address.hpp"

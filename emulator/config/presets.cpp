@@ -1,12 +1,16 @@
 #include "emulator/config/presets.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <fstream>
 #include <iterator>
 #include <map>
 #include <utility>
+#include <vector>
 
 #include "emulator/config/config_parts.hpp"
+#include "protocols/frames/layout/frame_description.hpp"
 
 namespace imud {
 namespace {
@@ -56,6 +60,12 @@ std::string_view take_confidence(std::string_view& comment, std::string_view unm
          : words.starts_with("assumed")        ? "assumed"
                                                : "memory";
 }
+// Returns these words and the names of all presets, for suggestions.
+std::vector<std::string> preset_words(std::vector<std::string> words) {
+  for (const Preset& known : presets()) words.emplace_back(known.name);
+  return words;
+}
+
 }  // namespace
 
 std::vector<Preset::Figure> Preset::figures() const {
@@ -161,6 +171,29 @@ std::optional<PresetErrors> read_field_model(TableReader& table, bool (*has)(con
     table.fault("model", error.what());
   }
   return std::nullopt;
+}
+
+const Preset* read_model(TableReader& table, std::string_view own, std::string& model) {
+  model = table.text("model", std::string(own));
+  const Preset* preset = find_preset(model);
+  if (preset != nullptr || model == "white" || model == model_without_errors ||
+      (table.has("model") && !is_text(table, "model")))
+    return preset;
+  table.fault("model", fmt::format("there is no \"{}\"; {}", model,
+                                   suggestion(model, preset_words({"white", std::string(model_without_errors)}))));
+  return nullptr;
+}
+
+std::string_view own_model(TableReader& table, const ImuConfig& imu) {
+  constexpr std::string_view none = "white";
+  if (imu.protocol == nullptr) return none;
+  const std::string_view model = default_model(*imu.protocol, imu.settings);
+  const auto& description = imu.settings.frames();
+  if (description == nullptr || model == none || std::ranges::count(presets(), model, &Preset::name) > 0)
+    return model;
+  table.child("device").fault("frame_file", fmt::format("{}: model: there is no preset \"{}\"; {}", description->file,
+                                                        model, suggestion(model, preset_words({}))));
+  return none;
 }
 
 }  // namespace imud

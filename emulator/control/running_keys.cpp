@@ -8,6 +8,7 @@
 
 #include "core/numbers/nearest.hpp"
 #include "emulator/config/config_parts.hpp"
+#include "emulator/config/line_load.hpp"
 #include "emulator/config/load_config.hpp"
 #include "emulator/ground/table_reader.hpp"
 #include "emulator/plan/keys.hpp"
