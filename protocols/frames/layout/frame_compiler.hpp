@@ -2,6 +2,7 @@
 #pragma once
 
 #include <map>
+#include <utility>
 
 #include "protocols/frames/layout/frame_layout.hpp"
 
@@ -39,6 +40,8 @@ class FrameLayout::Compiler {
   void give(const FrameDescription::Value& value, FrameTestValues& given) const;
   void test(const FrameDescription::Test& test);
   void copy_elements(FrameElement::Kind kind, std::span<const std::byte> from, std::span<std::byte> to) const;
+  std::pair<std::size_t, std::vector<Row>::const_iterator> first_difference(std::span<const std::byte> got,
+                                                                            std::span<const std::byte> wanted) const;
   // These return texts for a fault: of bytes that differ from the test frame, or have another number,
   std::string difference(std::span<const std::byte> got, std::span<const std::byte> wanted) const;
   std::string wrong_size(std::span<const std::byte> got, std::span<const std::byte> wanted) const;

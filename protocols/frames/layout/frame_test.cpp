@@ -1,7 +1,7 @@
 // The comparison of a test frame with its values: the first element that differs is named. If a check alone differs,
 // the checks that would be right are named.
 #include <algorithm>
-#include <cmath>
+#include <utility>
 
 #include "protocols/frames/layout/frame_compiler.hpp"
 #include "protocols/wire/byte_text.hpp"
@@ -11,6 +11,11 @@ namespace imud {
 namespace {
 
 using Kind = FrameElement::Kind;
+
+std::string place_text(std::size_t at, const MessageLayout::Row& row) {
+  return "byte " + std::to_string(at) + ", in " + row.name + (row.unit.empty() ? "" : "_" + row.unit) + " (" +
+         row.type + " at " + std::to_string(*row.offset) + ")";
+}
 
 }  // namespace
 
@@ -41,15 +46,21 @@ void FrameLayout::Compiler::copy_elements(Kind kind, std::span<const std::byte> 
   }
 }
 
+// Returns the first byte that differs, or the end of the shorter frame, and its row.
+std::pair<std::size_t, std::vector<MessageLayout::Row>::const_iterator> FrameLayout::Compiler::first_difference(
+    std::span<const std::byte> got, std::span<const std::byte> wanted) const {
+  const auto at = static_cast<std::size_t>(std::ranges::mismatch(got, wanted).in1 - got.begin());
+  return {at, std::ranges::find_if(std::as_const(out_.rows_), [at](const Row& one) {
+            return at >= *one.offset && at < *one.offset + one.size;
+          })};
+}
+
 std::string FrameLayout::Compiler::difference(std::span<const std::byte> got,
                                               std::span<const std::byte> wanted) const {
-  const auto at = static_cast<std::size_t>(std::ranges::mismatch(got, wanted).in1 - got.begin());
-  const auto row = std::ranges::find_if(
-      out_.rows_, [at](const Row& one) { return at >= *one.offset && at < *one.offset + one.size; });
+  const auto [at, row] = first_difference(got, wanted);
   const std::size_t offset = *row->offset;
-  std::string text = "differs at byte " + std::to_string(at) + ", in " + row->name +
-                     (row->unit.empty() ? "" : "_" + row->unit) + " (" + row->type + " at " + std::to_string(offset) +
-                     "): it has " + short_hex_text(wanted.subspan(offset, row->size)) + ", test_values give " +
+  std::string text = "differs at " + place_text(at, *row) + ": it has " +
+                     short_hex_text(wanted.subspan(offset, row->size)) + ", test_values give " +
                      short_hex_text(got.subspan(offset, row->size));
   const auto field = std::ranges::find_if(out_.fields_, [&](const Field& one) {
     return one.offset == offset && one.quantity != nullptr && one.time_lsb_ns == 0 && one.modulus == 0 &&
@@ -72,12 +83,9 @@ std::string FrameLayout::Compiler::difference(std::span<const std::byte> got,
 std::string FrameLayout::Compiler::wrong_size(std::span<const std::byte> got,
                                               std::span<const std::byte> wanted) const {
   std::string text = "has " + std::to_string(wanted.size()) + " bytes, but the layout " + std::to_string(got.size());
-  const auto at = static_cast<std::size_t>(std::ranges::mismatch(got, wanted).in1 - got.begin());
-  const auto row = std::ranges::find_if(
-      out_.rows_, [at](const Row& one) { return at >= *one.offset && at < *one.offset + one.size; });
+  const auto [at, row] = first_difference(got, wanted);
   if (row == out_.rows_.end()) return text + "; as far as both reach they agree";
-  return text + "; they agree up to byte " + std::to_string(at) + ", in " + row->name + " (" + row->type + " at " +
-         std::to_string(*row->offset) + ")";
+  return text + "; they agree up to " + place_text(at, *row);
 }
 
 std::string FrameLayout::Compiler::wrong_check(const Check& check) const {
@@ -119,13 +127,10 @@ void FrameLayout::Compiler::test(const FrameDescription::Test& test) {
   const auto wanted = hex_bytes_in(text);
   if (!wanted) return fault(line, "test_frame", "must be bytes in hexadecimal, such as \"AA 55 01\"");
   FrameTestValues given;
-  const std::size_t before = faults_.size();
-  for (const FrameDescription::Value& value : test.values) try {
-      give(value, given);
-    } catch (const std::invalid_argument& error) {
-      fault(value.line, "test_values." + value.name, error.what());
-    }
-  if (faults_.size() > before) return;
+  const auto refuse = [this](std::uint32_t at, const std::string& key, const char* what) { fault(at, key, what); };
+  if (!give_test_values(
+          test.values, [&](const FrameDescription::Value& value) { give(value, given); }, refuse))
+    return;
   std::vector<std::byte> got(out_.size());
   std::vector<double> carried(out_.carries_);
   const unsigned saturated = out_.write({given.sample}, given.state, &given, carried, got);

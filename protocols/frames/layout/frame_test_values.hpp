@@ -4,12 +4,14 @@
 #include <algorithm>
 #include <cstdint>
 #include <span>
+#include <stdexcept>
 #include <string>
 #include <string_view>
 #include <utility>
 #include <vector>
 
 #include "core/sample.hpp"
+#include "protocols/frames/layout/frame_description.hpp"
 #include "protocols/frames/layout/frame_element.hpp"
 #include "protocols/frames/layout/message_layout.hpp"
 
@@ -32,6 +34,20 @@ struct FrameTestValues {
     return 0;
   }
 };
+
+// Calls `give` with each value, and `fault` with the line, the key and the text of each that it refuses by
+// std::invalid_argument. Returns true if none is refused.
+template <class Give, class Fault>
+bool give_test_values(std::span<const FrameDescription::Value> values, Give give, Fault fault) {
+  bool is_good = true;
+  for (const FrameDescription::Value& value : values) try {
+      give(value);
+    } catch (const std::invalid_argument& error) {
+      fault(value.line, "test_values." + value.name, error.what());
+      is_good = false;
+    }
+  return is_good;
+}
 
 // Returns the source that a test value sets. Throws std::invalid_argument if there is none.
 FrameSource test_source(const std::string& name);

@@ -191,13 +191,9 @@ void TextLayout::Compiler::test(const FrameDescription::Test& test, std::vector<
     faults.push_back({line, where_in(message_, key), std::move(what)});
   };
   FrameTestValues given;
-  const std::size_t before = faults.size();
-  for (const FrameDescription::Value& value : test.values) try {
-      give(value, given);
-    } catch (const std::invalid_argument& error) {
-      fault(value.line, "test_values." + value.name, error.what());
-    }
-  if (faults.size() > before) return;
+  if (!give_test_values(
+          test.values, [&](const FrameDescription::Value& value) { give(value, given); }, fault))
+    return;
   const auto& [wanted, line] = test.frame;
   std::vector<std::byte> frame(out_.longest_);
   Places places;

@@ -165,10 +165,10 @@ TEST(FrameRefusals, ATestFrameThatDiffersSaysWhere) {
       {faults("sum16:@data..@:+01 be", good),
        "; no check that is known gives it over this range: try another range, or describe a CRC as [check.NAME]"},
       {faults(right, good, "\nrate_z_deg_per_s:i16*0.01"),
-       "has 8 bytes, but the layout 10; they agree up to byte 8, in rate_z (i16 le at 8)"},
+       "has 8 bytes, but the layout 10; they agree up to byte 8, in rate_z_deg_per_s (i16 le at 8)"},
       {faults_of(one_message("55 AA\nlength:u8:@data..@\n@data\nrate_x_deg_per_s:f32\nrate_y_deg_per_s:f32",
                              "test_frame = \"55 AA 06 00 00 00 00 05 00\"\ntest_values = {rate_y_deg_per_s = 1}\n")),
-       "has 9 bytes, but the layout 11; they agree up to byte 7, in rate_y (f32 le at 7)"},
+       "has 9 bytes, but the layout 11; they agree up to byte 7, in rate_y_deg_per_s (f32 le at 7)"},
   };
   EXPECT_EQ(faults(right, good), "");
   for (const auto& [got, wanted] : cases) EXPECT_TRUE(contains(got, wanted)) << got << "\n" << wanted;
