@@ -68,7 +68,7 @@ TEST_F(CauseConfig, LoadsAreOfTheElementsOfTheirTerms) {
   EXPECT_TRUE(model("").causes.empty());
 }
 
-// What `imud check --toml` prints is a configuration for the same run.
+// The output of `imud check --toml` is a configuration for the same run.
 TEST_F(CauseConfig, ResolvedKeysMakeTheSameCauses) {
   const Config config = load(two_causes_);
   const Config again = config_of_text(config.resolved());
@@ -116,7 +116,7 @@ TEST_F(CauseConfig, CausesAreDrawnByTheirNames) {
     causes += "\n";
   }
   EXPECT_EQ(causes, "unit: stress 1\nturn_on: start 3\n");
-  // The bias of the power on is -5 deg/h by the cause alone, and that of the magnetometer 1 uT.
+  // By the causes alone, the bias of the power on is -5 deg/h and the bias of the magnetometer 1 uT.
   const auto values = [&](std::string_view sensor, std::string_view layer, std::string_view name) {
     for (const DrawnTerms& drawn : all)
       for (const auto& [term, list] : drawn.terms)

@@ -36,7 +36,7 @@ TEST(FrameStream, FramesHaveTheirOffset) {
   }
 }
 
-// Of messages that look alike, the one that the settings switch on; escaped or not.
+// The settings decide between messages that look alike, with escapes and without.
 TEST(FrameStream, PassesTheMessageThatIsSwitchedOn) {
   for (const char* escape : {"none", "cobs"})
     for (const char* form : {"RATE", "ANGLE"}) {

@@ -1,4 +1,4 @@
-// What imu-decode --find-check prints for captures that are text, or whose frames are escaped.
+// The output of imu-decode --find-check for captures that are text, or whose frames are escaped.
 #include <gtest/gtest.h>
 
 #include "tests/support/text.hpp"
