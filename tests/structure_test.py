@@ -41,7 +41,7 @@ FLOORS = {
     "emulator": ["ground/", "plan/", "faults/ frames/", "config/", "truth/", "imu/", "engine/", "record/", "drive/", "report/", "control/",
                  "web/", "run/", "seeds/", "commands/", ""],
     "tools": ["*_client.hpp duration_text.* gnuplot.* number_check.hpp output_options.hpp program.* "
-              "setting_texts.hpp stop_signal.* stream_*.* text_output.*", "input/ replay/ vcan/", "arrays/ find/", "truth/", "allan/",
+              "setting_texts.hpp stop_signal.* stream_*.* text_output.*", "input/ replay/ vcan/ checks/", "arrays/ find/", "truth/", "allan/",
               "plot/ fit/", ""],
 }
 # A folder with more files than these hides something.

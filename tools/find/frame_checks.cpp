@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #include "protocols/frames/layout/frame_number.hpp"
-#include "tools/find/check_rule.hpp"
+#include "tools/checks/check_rule.hpp"
 
 namespace imud {
 

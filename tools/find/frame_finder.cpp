@@ -6,7 +6,7 @@
 #include <map>
 #include <tuple>
 
-#include "tools/find/crc_solver.hpp"
+#include "tools/checks/crc_solver.hpp"
 
 namespace imud {
 namespace {

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "protocols/frames/layout/frame_number.hpp"
-#include "tools/find/check_search.hpp"
+#include "tools/checks/check_search.hpp"
 #include "tools/find/frame_split.hpp"
 
 namespace imud {

@@ -1,12 +1,12 @@
 // Checks that are in no catalogue, and what one length of frames leaves open.
-#include "tools/find/check_search.hpp"
+#include "tools/checks/check_search.hpp"
 
 #include <gtest/gtest.h>
 
 #include <random>
 
 #include "tests/protocols/recording.hpp"
-#include "tools/find/crc_solver.hpp"
+#include "tools/checks/crc_solver.hpp"
 #include "tools/find/frame_finder.hpp"
 
 namespace imud {

@@ -1,4 +1,4 @@
-#include "tools/find/check_search.hpp"
+#include "tools/checks/check_search.hpp"
 
 #include <algorithm>
 #include <array>
@@ -6,7 +6,7 @@
 #include <set>
 #include <tuple>
 
-#include "tools/find/crc_solver.hpp"
+#include "tools/checks/crc_solver.hpp"
 
 namespace imud {
 namespace {

@@ -1,4 +1,4 @@
-#include "tools/find/check_rule.hpp"
+#include "tools/checks/check_rule.hpp"
 
 #include <algorithm>
 #include <bit>

@@ -10,7 +10,7 @@
 
 #include "protocols/frames/layout/frame_check.hpp"
 #include "protocols/wire/crc.hpp"
-#include "tools/find/check_rule.hpp"
+#include "tools/checks/check_rule.hpp"
 
 namespace imud {
 

@@ -1,11 +1,11 @@
-#include "tools/find/crc_solver.hpp"
+#include "tools/checks/crc_solver.hpp"
 
 #include <algorithm>
 #include <array>
 #include <bit>
 
 #include "protocols/frames/layout/frame_layout.hpp"
-#include "tools/find/check_rule.hpp"
+#include "tools/checks/check_rule.hpp"
 
 namespace imud {
 namespace {
