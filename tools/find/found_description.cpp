@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <map>
 #include <set>
 
@@ -334,11 +335,13 @@ std::string describe_frames(const FoundFrames& found, Stream stream, const Descr
       "# the meaning of what is _:N; then compare `imud check`'s table with what is known of the unit.\n",
       text.source, 100 * found.coverage, stream.size());
   if (!found.other_begins.empty()) {
-    out += "# Where a frame begins is not decided: as good are";
-    constexpr std::size_t most = 8;
-    for (std::size_t i = 0; i < std::min(most, found.other_begins.size()); ++i)
-      out += fmt::format("{} {}", i == 0 ? "" : ",", found.other_begins[i]);
-    out += std::string(found.other_begins.size() > most ? ", ..." : "") + " bytes later.\n";
+    out += "# Where a frame begins is not certain: as good, or nearly, are";
+    constexpr std::size_t most = 4;
+    for (std::size_t i = 0; i < std::min(most, found.other_begins.size()); ++i) {
+      const std::ptrdiff_t later = found.other_begins[i];
+      out += fmt::format("{} {} {}", i == 0 ? "" : ",", std::abs(later), later < 0 ? "earlier" : "later");
+    }
+    out += std::string(found.other_begins.size() > most ? ", ..." : "") + " (bytes).\n";
   }
   for (const std::string& line : text.remarks) out += "# " + line + "\n";
   out += "frame_version = 1\nname = \"unknown\"\n";

@@ -3,10 +3,9 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <map>
-#include <tuple>
 
 #include "tools/checks/crc_solver.hpp"
+#include "tools/find/frame_begin.hpp"
 
 namespace imud {
 namespace {
@@ -15,7 +14,6 @@ using Stream = std::span<const std::byte>;
 
 constexpr std::size_t most_frames = 200'000;  // of a message, that are looked at
 constexpr std::size_t longest_header = 4;
-constexpr std::size_t longest_end = 2;     // constant bytes behind a check
 constexpr std::size_t nearest_begin = 16;  // bytes before an anchor, with frames of several lengths
 
 // Windows of `before` bytes and a frame, of the places that have them.
@@ -30,100 +28,6 @@ std::vector<Stream> windows_of(const FrameSplit::Kind& kind, std::size_t before,
 }
 
 bool is_whole(const FoundCheck& check) { return check.is_whole(); }
-
-// Returns true for what could be the high byte of a number that hardly changes: of an integer near 0, or of a float
-// from 0.001 to 100.
-bool is_suspect(std::byte byte) {
-  const auto number = std::to_integer<unsigned>(byte), exponent = number & 0x7FU;
-  return number < 0x10 || number == 0xFF || (exponent >= 0x3A && exponent <= 0x42);
-}
-
-// A split with its checks, by windows that begin `before` bytes before the anchors.
-struct Trial {
-  FrameSplit split;
-  std::size_t before = 0;
-  std::vector<CheckSearch> searches;            // of each kind
-  std::vector<std::vector<FoundCheck>> checks;  // of each kind, in its windows
-  std::size_t begin = 0;                        // of the frames, in the windows
-  std::vector<std::size_t> other_begins;        // as good
-  double checked = 0;                           // the share of the frames' bytes with a check of all
-};
-
-// Returns how many bytes to move a check, so that it is in the frame that begins at `begin`; nullopt if it is in
-// none.
-std::optional<std::ptrdiff_t> moved(const FoundCheck& check, std::size_t begin, std::size_t length, bool is_cyclic) {
-  std::size_t first = check.at, last = std::max(check.at + check.size, check.ranges.back().second);
-  std::size_t latest = 0;  // at which one of the forms begins
-  for (const FoundCheck::Form& form : check.forms) latest = std::max(latest, form.begin);
-  first = std::min(first, latest);
-  for (const std::size_t by : {std::size_t{0}, length}) {
-    if (by != 0 && !is_cyclic) break;
-    if (first >= by + begin && last <= by + begin + length) return -static_cast<std::ptrdiff_t>(by + begin);
-  }
-  return std::nullopt;
-}
-
-// Rates a place at which all frames may begin: higher is better.
-std::tuple<double, int> rate_begin(const Trial& trial, std::size_t begin, Stream stream) {
-  double inside = 0;
-  int looks = 0;
-  const bool is_cyclic = trial.split.kinds.size() == 1;
-  for (std::size_t k = 0; k < trial.split.kinds.size(); ++k) {
-    const std::size_t length = trial.split.kinds[k].length;
-    for (const FoundCheck& check : trial.checks[k])
-      if (const auto by = moved(check, begin, length, is_cyclic)) {
-        inside += static_cast<double>(check.size) * check.share;
-        if (!is_whole(check)) continue;
-        const auto in_frame = [by](std::size_t at) {
-          return static_cast<std::size_t>(static_cast<std::ptrdiff_t>(at) + *by);
-        };
-        const std::size_t end = in_frame(std::max(check.at + check.size, check.ranges.back().second));
-        if (end == length) looks += 6;
-        // Or constant bytes end the frame.
-        const bool is_ended = end < length && length - end <= longest_end && [&] {
-          for (std::size_t at = end; at < length; ++at)
-            if (!trial.searches[k].is_constant(begin + at)) return false;
-          return true;
-        }();
-        if (is_ended) looks += 5;
-        if (std::ranges::any_of(check.forms, [&](const FoundCheck::Form& form) { return in_frame(form.begin) == 0; }))
-          ++looks;
-      }
-  }
-  // The beginning has constant bytes, which are no high bytes of numbers.
-  const std::size_t anchor = trial.split.kinds.front().places[trial.split.kinds.front().places.size() / 2].at;
-  const std::size_t first = anchor - std::min(anchor, trial.before) + begin;
-  const auto is_constant = [&](std::size_t at) {
-    return std::ranges::all_of(trial.searches, [&](const CheckSearch& one) { return one.is_constant(at); });
-  };
-  std::size_t header = 0;
-  while (header < longest_header && header < trial.split.kinds.front().length && is_constant(begin + header) &&
-         !is_suspect(stream[first + header]))
-    ++header;
-  looks += 2 * static_cast<int>(header) + (is_constant(begin) ? 1 : -6);
-  // A capture often begins with a frame.
-  std::size_t earliest = stream.size();
-  for (const FrameSplit::Kind& kind : trial.split.kinds) earliest = std::min(earliest, kind.places.front().at);
-  if (earliest + begin == trial.before || earliest + begin == trial.before + trial.split.kinds.front().length)
-    looks += 3;
-  return {inside, looks};
-}
-
-void choose_begin(Trial& trial, Stream stream) {
-  std::tuple<double, int> best{-1, 0};
-  const std::size_t last = trial.before;
-  for (std::size_t begin = 0; begin <= last; ++begin) {
-    if (trial.split.kinds.size() == 1 && begin == last) break;  // the same as 0
-    const auto rated = rate_begin(trial, begin, stream);
-    if (rated > best) {
-      best = rated;
-      trial.begin = begin;
-      trial.other_begins.clear();
-    } else if (rated == best) {
-      trial.other_begins.push_back(begin - trial.begin);
-    }
-  }
-}
 
 // A message that hardly varies shows no check: it may have the check of the others.
 void adopt_check(Trial& trial, std::size_t kind) {
@@ -223,29 +127,12 @@ void find_constants(FoundMessage& message, Stream stream) {
   }
 }
 
-// Moves a check's places from the window to the frame; forms that begin before the frame are left out.
-std::optional<FoundCheck> in_frame(FoundCheck check, std::size_t begin, std::size_t length, bool is_cyclic) {
-  const auto by = moved(check, begin, length, is_cyclic);
-  if (!by) return std::nullopt;
-  const auto move = [by](std::size_t& at) { at = static_cast<std::size_t>(static_cast<std::ptrdiff_t>(at) + *by); };
-  std::erase_if(check.forms,
-                [by](const FoundCheck::Form& form) { return static_cast<std::ptrdiff_t>(form.begin) + *by < 0; });
-  if (check.forms.empty()) return std::nullopt;
-  for (FoundCheck::Form& form : check.forms) move(form.begin);
-  move(check.at);
-  for (auto& [first, last] : check.ranges) {
-    move(first);
-    move(last);
-  }
-  return check;
-}
-
 // The header: constant bytes at the beginning, up to the first that could be the high byte of a number.
 void find_header(FoundMessage& message) {
   std::size_t limit = std::min(message.length, longest_header);
   for (const FoundCheck& check : message.checks) limit = std::min(limit, check.at);
   std::size_t count = 0;
-  while (count < limit && message.constant[count] && (count == 0 || !is_suspect(message.usual[count]))) ++count;
+  while (count < limit && message.constant[count] && (count == 0 || !is_high_byte(message.usual[count]))) ++count;
   message.header = count;
 }
 
@@ -307,7 +194,6 @@ std::optional<FoundFrames> find_frames(Stream stream, std::size_t joint) {
   found.coverage = best->split.coverage;
   found.is_checked = best->checked > 0.99;
   found.other_begins = best->other_begins;
-  const bool is_cyclic = best->split.kinds.size() == 1;
   for (std::size_t k = 0; k < best->split.kinds.size(); ++k) {
     const FrameSplit::Kind& kind = best->split.kinds[k];
     FoundMessage message;
@@ -321,8 +207,7 @@ std::optional<FoundFrames> find_frames(Stream stream, std::size_t joint) {
     if (message.frames.empty()) continue;
     find_constants(message, stream);
     for (FoundCheck& check : best->checks[k])
-      if (auto inside = in_frame(std::move(check), best->begin, kind.length, is_cyclic))
-        message.checks.push_back(std::move(*inside));
+      if (auto inside = in_frame(*best, k, std::move(check))) message.checks.push_back(std::move(*inside));
     std::ranges::sort(message.checks, {}, &FoundCheck::at);
     find_header(message);
     message.counters = find_counters(message, stream, joint);

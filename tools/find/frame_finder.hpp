@@ -63,8 +63,8 @@ struct FoundFrames {
   std::vector<FoundMessage> messages;
   double coverage = 0;      // the share of the bytes that are in frames
   bool is_checked = false;  // each message has a check of nearly all that varies
-  // The frames could as well begin so many bytes later: nothing in the stream decides it.
-  std::vector<std::size_t> other_begins;
+  // The frames could as well begin so many bytes later (if negative, earlier): little in the stream decides it.
+  std::vector<std::ptrdiff_t> other_begins;
 };
 
 // Returns the messages of the stream; nullopt if no frame repeats. `joint`: where a second capture begins; 0: there

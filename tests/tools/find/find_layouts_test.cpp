@@ -1,0 +1,80 @@
+// Layouts of frames that are found only with care: several checks, terminators, messages of one length.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "tests/tools/find/find_unit.hpp"
+#include "tools/find/frame_finder.hpp"
+
+namespace imud {
+namespace {
+
+// LpBus, as LP-Research's LPMS has it: 3A, sensor, command 9, length, data, a sum of all but 3A, 0D 0A
+// (al3Co/LPMS-IMUsensors at dd836a05, lpms.m); its clock counts 2.5 ms.
+constexpr std::string_view lpms_data =
+    "3A\n@a\n01 00\n09 00\nlength:u16:@p..@q\n@p\ntime_ns:u32*2500000\nrate_x_rad_per_s:f32\nrate_y_rad_per_s:f32\n"
+    "rate_z_rad_per_s:f32\nspecific_force_x_g:f32\nspecific_force_y_g:f32\nspecific_force_z_g:f32\n@q\n"
+    "check:sum16:@a..@q\n0D 0A";
+
+Capture layout_capture(std::string_view elements, std::size_t count, Handling handling = Handling::turned) {
+  Line line = frame_line(one_message(elements));
+  return capture_of(line, handled_samples(handling, count, 100));
+}
+
+void expect_begins(const FoundFrames& found, const Capture& capture, std::size_t lost = 0) {
+  for (const FoundMessage& message : found.messages)
+    for (const FrameSplit::Place& frame : message.frames)
+      ASSERT_TRUE(std::ranges::binary_search(capture.begins, frame.at + lost)) << frame.at;
+}
+
+// Wherever the capture begins, 0D 0A end a frame, and do not begin one.
+TEST(FindLayouts, TerminatorsEndFrames) {
+  constexpr std::string_view others[] = {
+      "80\n@a\nFE 00\nrate_x_deg_per_s:i16*1/66 be\nrate_y_deg_per_s:i16*1/66 be\nsample_counter:u16 be\n"
+      "check:sum16/16:@a.. be\n0D",
+      "02\n@a\n00 40\nalive_counter:u8\nrate_x_deg_per_s:f32\nrate_y_deg_per_s:f32\ncheck:sum8:@a..\n03",
+      "3A\n@a\nalive_counter:u8\nrate_x_deg_per_s:f32\nrate_y_deg_per_s:f32\ncheck:crc16/xmodem:@a..\n0A",
+  };
+  std::vector<std::string_view> all(std::begin(others), std::end(others));
+  all.push_back(lpms_data);
+  for (const std::string_view layout : all)
+    for (const Handling handling : {Handling::rest, Handling::turned}) {
+      SCOPED_TRACE(layout);
+      Capture capture = layout_capture(layout, 300, handling);
+      const std::size_t length = capture.begins[1];
+      for (const std::size_t lost : {std::size_t{0}, std::size_t{5}, length - 3, length - 2, length - 1}) {
+        SCOPED_TRACE(lost);
+        const std::vector<std::byte> bytes(capture.bytes.begin() + static_cast<std::ptrdiff_t>(lost),
+                                           capture.bytes.end());
+        const auto found = find_frames(bytes);
+        ASSERT_TRUE(found);
+        ASSERT_EQ(found->messages.size(), 1U);
+        expect_begins(*found, capture, lost);
+      }
+    }
+}
+
+// A constant byte between check and data is the header, and can be the end; the capture's first byte decides.
+TEST(FindLayouts, OneByteIsHeaderOrTerminator) {
+  constexpr std::string_view data =
+      "@a\nalive_counter:u8\nrate_x_deg_per_s:f32\nrate_y_deg_per_s:f32\ncheck:crc16/xmodem:@a..\n";
+  const Capture headed = layout_capture("ED\n" + std::string(data), 600);
+  const auto found = find_frames(headed.bytes);
+  ASSERT_TRUE(found);
+  expect_begins(*found, headed);
+  // With a header of its own, ED is the end.
+  const Capture both = layout_capture("A7 51\n" + std::string(data) + "ED", 600);
+  const auto other = find_frames(both.bytes);
+  ASSERT_TRUE(other);
+  expect_begins(*other, both);
+  ASSERT_EQ(other->messages.size(), 1U);
+  EXPECT_EQ(other->messages[0].length, 14U);
+  // In the middle of a frame nothing decides, and both are named.
+  const std::vector<std::byte> cut(both.bytes.begin() + 6, both.bytes.end());
+  const auto open = find_frames(cut);
+  ASSERT_TRUE(open);
+  EXPECT_FALSE(open->other_begins.empty());
+}
+
+}  // namespace
+}  // namespace imud
