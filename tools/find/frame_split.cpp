@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <numeric>
 #include <optional>
@@ -17,6 +18,7 @@ constexpr std::size_t searched = 64 * 1024;  // bytes, for lengths
 constexpr std::size_t most_lengths = 64;
 constexpr std::size_t seldom = 50;  // fewer frames than this share of the most frequent ones are a chance
 constexpr std::size_t most_splits = 24;
+constexpr std::size_t most_rules = 4;  // of the same lengths, that are compared on the whole stream
 // The share of the anchors of a length that have another one behind them; less for damage.
 constexpr double regular = 0.8;
 constexpr double least_coverage = 0.6;
@@ -31,6 +33,11 @@ struct Anchor {
   bool is_at(Stream stream, std::size_t at) const {
     if (at + size > stream.size()) return false;
     return size == 1 ? byte_at(stream, at) == bytes : (byte_at(stream, at) << 8 | byte_at(stream, at + 1)) == bytes;
+  }
+  // Returns true if it has a byte that small numbers have in high places: runs of these vary in length.
+  bool is_filling() const {
+    const auto fills = [](unsigned byte) { return byte == 0x00 || byte == 0xFF; };
+    return fills(bytes & 0xFFU) || (size == 2 && fills(bytes >> 8));
   }
 };
 
@@ -144,8 +151,8 @@ FrameSplit split_by(const LengthRule& rule, Stream stream) {
   return split;
 }
 
-// Returns the mean share of the most frequent byte at each place in the frames: where anchors slip, as in a run of
-// zeros after a byte was lost, it is less.
+// Returns the mean fourth power of the share of the most frequent byte at each place in the frames. Where anchors
+// slip, as in a run of zeros after a byte was lost, fewer places have a constant byte.
 double steadiness(const FrameSplit& split, Stream stream) {
   constexpr std::size_t most_frames = 128;
   double sum = 0, bytes = 0;
@@ -156,11 +163,23 @@ double steadiness(const FrameSplit& split, Stream stream) {
       std::size_t frames = 0;
       for (std::size_t i = 0; i < kind.places.size(); i += step, ++frames)
         ++counts[byte_at(stream, kind.places[i].at + offset)];
-      sum += static_cast<double>(*std::ranges::max_element(counts)) / static_cast<double>(frames);
+      sum += std::pow(static_cast<double>(*std::ranges::max_element(counts)) / static_cast<double>(frames), 4);
       bytes += 1;
     }
   }
   return bytes > 0 ? sum / bytes : 0;
+}
+
+struct RankedRule {
+  double rank = 0;
+  LengthRule rule;
+};
+
+// Rates a rule by its split of the stream. A longer anchor, a rule without a further byte, and anchors other than
+// filling are preferred.
+double rank_of(const LengthRule& rule, const FrameSplit& split, Stream stream) {
+  return split.coverage + steadiness(split, stream) + (rule.anchor.size == 2 ? 0.01 : 0) + (rule.offset ? 0 : 0.005) -
+         (rule.anchor.is_filling() ? 0.02 : 0);
 }
 
 }  // namespace
@@ -168,7 +187,7 @@ double steadiness(const FrameSplit& split, Stream stream) {
 std::vector<FrameSplit> find_splits(Stream stream) {
   const Stream head = stream.first(std::min(stream.size(), searched));
   // Rules that divide into as many frames of the same lengths differ in the anchor's place in the frame alone.
-  std::map<std::vector<std::size_t>, std::pair<double, LengthRule>> by_lengths;
+  std::map<std::vector<std::size_t>, std::vector<RankedRule>> by_lengths;
   for (const Anchor& anchor : anchors_in(head)) {
     const std::vector<std::size_t> all = places_of(anchor, head);
     for (int offset = -4; offset <= 8; ++offset) {
@@ -180,15 +199,25 @@ std::vector<FrameSplit> find_splits(Stream stream) {
       if (split.coverage < least_coverage) continue;
       std::vector<std::size_t> key;
       for (const FrameSplit::Kind& kind : split.kinds) key.push_back(kind.length);
-      // A longer anchor and a rule without a further byte are preferred.
-      const double rank =
-          split.coverage + steadiness(split, head) + (anchor.size == 2 ? 0.01 : 0) + (is_own ? 0.005 : 0);
-      const auto [known, is_new] = by_lengths.try_emplace(key, rank, *rule);
-      if (!is_new && rank > known->second.first) known->second = {rank, *rule};
+      std::vector<RankedRule>& rules = by_lengths[key];
+      rules.push_back({rank_of(*rule, split, head), *rule});
+      std::ranges::stable_sort(rules, std::greater<>{}, &RankedRule::rank);
+      if (rules.size() > most_rules) rules.pop_back();
     }
   }
   std::vector<FrameSplit> splits;
-  for (const auto& [key, rule] : by_lengths) splits.push_back(split_by(rule.second, stream));
+  for (const auto& [key, rules] : by_lengths) {
+    // Bytes that do not change at first may do so later.
+    double best = -1;
+    for (const RankedRule& one : rules) {
+      FrameSplit split = split_by(one.rule, stream);
+      const double rank = rank_of(one.rule, split, stream);
+      if (rank <= best) continue;
+      if (best < 0) splits.emplace_back();
+      best = rank;
+      splits.back() = std::move(split);
+    }
+  }
   std::erase_if(splits, [](const FrameSplit& split) { return split.kinds.empty(); });
   const auto rank = [](const FrameSplit& split) {
     return std::tuple(-std::round(split.coverage * 25), split.kinds.size(), split.kinds.front().length);

@@ -9,6 +9,17 @@
 namespace imud {
 namespace {
 
+// FDILink, as the Wheeltec N100 has it: FC, type, length, sequence, CRC-8 of these four, CRC-16 of the data in big
+// endian, data, FD (sbgisen/fdilink_ahrs at d61c953f, src/ahrs_driver.cpp; the polynomials by the tables in
+// cutespider-lzz/FlightControler-Rocket at 909a2057, HardWare/FDILink/CRC_Table.c).
+constexpr std::string_view fdilink_imu =
+    "@h\nFC\n40\nlength:u8:@p..@q\nframe_counter:u8\ncheck:crc8/maxim-dow:@h..\ncheck:crc16/xmodem:@p..@q be\n@p\n"
+    "rate_x_rad_per_s:f32\nrate_y_rad_per_s:f32\nrate_z_rad_per_s:f32\nspecific_force_x_m_per_s2:f32\n"
+    "specific_force_y_m_per_s2:f32\nspecific_force_z_m_per_s2:f32\nmagnetic_field_x_mgauss:f32\n"
+    "magnetic_field_y_mgauss:f32\nmagnetic_field_z_mgauss:f32\ntemperature_c:f32\npressure_pa:f32\ntemperature_c:"
+    "f32\n"
+    "time_us:u64\n@q\nFD";
+
 // LpBus, as LP-Research's LPMS has it: 3A, sensor, command 9, length, data, a sum of all but 3A, 0D 0A
 // (al3Co/LPMS-IMUsensors at dd836a05, lpms.m); its clock counts 2.5 ms.
 constexpr std::string_view lpms_data =
@@ -25,6 +36,17 @@ void expect_begins(const FoundFrames& found, const Capture& capture, std::size_t
   for (const FoundMessage& message : found.messages)
     for (const FrameSplit::Place& frame : message.frames)
       ASSERT_TRUE(std::ranges::binary_search(capture.begins, frame.at + lost)) << frame.at;
+}
+
+// After 16.8 s the fourth byte of the time is no longer 0, which makes a run of zeros shorter.
+TEST(FindLayouts, FramesStayWhereTheyAreWhenAHighByteBeginsToChange) {
+  const Capture capture = layout_capture(fdilink_imu, 3000);
+  const auto found = find_frames(capture.bytes);
+  ASSERT_TRUE(found);
+  ASSERT_EQ(found->messages.size(), 1U);
+  EXPECT_EQ(found->messages[0].length, 64U);
+  EXPECT_GT(found->coverage, 0.999);
+  expect_begins(*found, capture);
 }
 
 // Wherever the capture begins, 0D 0A end a frame, and do not begin one.
