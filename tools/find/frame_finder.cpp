@@ -6,6 +6,7 @@
 
 #include "tools/checks/crc_solver.hpp"
 #include "tools/find/frame_begin.hpp"
+#include "tools/find/message_types.hpp"
 
 namespace imud {
 namespace {
@@ -172,6 +173,39 @@ void solve_together(std::vector<FoundMessage>& messages, Stream stream) {
   }
 }
 
+// Returns the messages of one length.
+std::vector<FoundMessage> messages_of(const Trial& trial, std::size_t kind, Stream stream, std::size_t joint) {
+  const std::size_t length = trial.split.kinds[kind].length;
+  std::vector<FrameSplit::Place> frames;
+  const std::size_t shift = trial.before - trial.begin;  // from the frame's first byte to its anchor
+  for (const auto& [at, is_next] : trial.split.kinds[kind].places) {
+    // With one length, the frame may begin before the anchor by any number of bytes: its end is the next anchor's.
+    if (at >= shift && at - shift + length <= stream.size() && frames.size() < most_frames)
+      frames.push_back({at - shift, is_next});
+  }
+  if (frames.empty()) return {};
+  std::vector<FoundCheck> checks;
+  std::vector<bool> is_checked(length);
+  for (const FoundCheck& check : trial.checks[kind])
+    if (auto inside = in_frame(trial, kind, check)) {
+      std::fill_n(is_checked.begin() + static_cast<std::ptrdiff_t>(inside->at), inside->size, true);
+      checks.push_back(std::move(*inside));
+    }
+  std::ranges::sort(checks, {}, &FoundCheck::at);
+  std::vector<FoundMessage> messages;
+  for (auto& of_type : divide_by_type(frames, length, is_checked, stream)) {
+    FoundMessage message;
+    message.length = length;
+    message.frames = std::move(of_type);
+    find_constants(message, stream);
+    message.checks = checks;
+    find_header(message);
+    message.counters = find_counters(message, stream, joint);
+    messages.push_back(std::move(message));
+  }
+  return messages;
+}
+
 }  // namespace
 
 std::vector<Stream> frames_of(const FoundMessage& message, Stream stream) {
@@ -194,25 +228,8 @@ std::optional<FoundFrames> find_frames(Stream stream, std::size_t joint) {
   found.coverage = best->split.coverage;
   found.is_checked = best->checked > 0.99;
   found.other_begins = best->other_begins;
-  for (std::size_t k = 0; k < best->split.kinds.size(); ++k) {
-    const FrameSplit::Kind& kind = best->split.kinds[k];
-    FoundMessage message;
-    message.length = kind.length;
-    const std::size_t shift = best->before - best->begin;  // from the frame's first byte to its anchor
-    for (const auto& [at, is_next] : kind.places) {
-      // With one length, the frame may begin before the anchor by any number of bytes: its end is the next anchor's.
-      if (at >= shift && at - shift + kind.length <= stream.size() && message.frames.size() < most_frames)
-        message.frames.push_back({at - shift, is_next});
-    }
-    if (message.frames.empty()) continue;
-    find_constants(message, stream);
-    for (FoundCheck& check : best->checks[k])
-      if (auto inside = in_frame(*best, k, std::move(check))) message.checks.push_back(std::move(*inside));
-    std::ranges::sort(message.checks, {}, &FoundCheck::at);
-    find_header(message);
-    message.counters = find_counters(message, stream, joint);
-    found.messages.push_back(std::move(message));
-  }
+  for (std::size_t k = 0; k < best->split.kinds.size(); ++k)
+    for (FoundMessage& message : messages_of(*best, k, stream, joint)) found.messages.push_back(std::move(message));
   std::ranges::sort(found.messages, {}, [](const FoundMessage& message) { return message.frames.front().at; });
   solve_together(found.messages, stream);
   find_lengths(found.messages);

@@ -5,6 +5,7 @@
 
 #include "tests/tools/find/find_unit.hpp"
 #include "tools/find/frame_finder.hpp"
+#include "tools/find/message_types.hpp"
 
 namespace imud {
 namespace {
@@ -96,6 +97,64 @@ TEST(FindLayouts, OneByteIsHeaderOrTerminator) {
   const auto open = find_frames(cut);
   ASSERT_TRUE(open);
   EXPECT_FALSE(open->other_begins.empty());
+}
+
+// Four messages 55 51 to 55 54 of 11 bytes.
+TEST(FindLayouts, MessagesOfOneLengthHaveTypes) {
+  for (const Handling handling : {Handling::rest, Handling::turned}) {
+    const Capture capture = shipped_capture("witmotion", handling, 1000);
+    for (const bool is_damaged : {false, true}) {
+      const auto found = find_frames(is_damaged ? damaged(capture, 25) : capture.bytes);
+      ASSERT_TRUE(found);
+      ASSERT_EQ(found->messages.size(), 4U);
+      for (std::size_t m = 0; m < 4; ++m) {
+        const FoundMessage& message = found->messages[m];
+        EXPECT_EQ(message.length, 11U);
+        ASSERT_EQ(message.header, 2U);
+        EXPECT_EQ(message.usual[1], static_cast<std::byte>(0x51 + m));
+        ASSERT_EQ(message.checks.size(), 1U);
+        EXPECT_EQ(message.checks[0].at, 10U);
+        EXPECT_TRUE(message.counters.empty());
+      }
+      EXPECT_GE(found->messages[3].frames.size(), is_damaged ? 80U : 99U);
+    }
+  }
+}
+
+// Counters of few values, bits that toggle, and high bytes are no types.
+TEST(FindLayouts, CountersAndBitsAreNoTypes) {
+  for (const char* byte : {"sample_counter%4:u8", "frame_counter%12:u8", "specific_force_x_g:i8", "temperature_c:u8",
+                           "bits:u8:0=sample_counter,4=!not_valid"})
+    for (const Handling handling : {Handling::rest, Handling::turned}) {
+      SCOPED_TRACE(byte);
+      const Capture capture = layout_capture("55 AA\n@a\n" + std::string(byte) +
+                                                 "\nrate_x_deg_per_s:i16*0.01\nrate_y_deg_per_s:i16*0.01\nspecific_"
+                                                 "force_x_mg:i16\nspecific_force_y_mg:i16\ncheck:sum8:@a..",
+                                             1000, handling);
+      const auto found = find_frames(capture.bytes);
+      ASSERT_TRUE(found);
+      EXPECT_EQ(found->messages.size(), 1U);
+    }
+}
+
+// Of random bytes beside small counters, none is a type: the threshold is five standard deviations of what random
+// bytes give, 3e-7 for each byte that is compared.
+TEST(FindLayouts, FindsNoTypesInRandomBytes) {
+  for (unsigned seed = 1; seed <= 40; ++seed) {
+    std::mt19937_64 random(seed);
+    const std::size_t length = 24, count = seed % 2 == 0 ? 40 : 1500;
+    std::vector<std::byte> stream = random_bytes(length * count, random);
+    std::vector<FrameSplit::Place> frames;
+    for (std::size_t k = 0; k < count; ++k) {
+      frames.push_back({k * length, k > 0});
+      // Bytes of few values, in order or not.
+      for (const std::size_t values : {2U, 4U, 9U}) {
+        stream[k * length + values] = static_cast<std::byte>(k % values);
+        stream[k * length + values + 1] = static_cast<std::byte>(random() % values);
+      }
+    }
+    EXPECT_EQ(divide_by_type(frames, length, std::vector<bool>(length), stream).size(), 1U) << seed;
+  }
 }
 
 }  // namespace
