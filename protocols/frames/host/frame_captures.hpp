@@ -11,7 +11,7 @@
 #include <string_view>
 #include <vector>
 
-#include "protocols/frames/host/frame_settings.hpp"
+#include "protocols/frames/layout/frame_settings.hpp"
 #include "protocols/frames/layout/frame_layout.hpp"
 
 namespace imud {

@@ -1,4 +1,4 @@
-#include "protocols/frames/host/frame_settings.hpp"
+#include "protocols/frames/layout/frame_settings.hpp"
 
 #include <algorithm>
 #include <cmath>
