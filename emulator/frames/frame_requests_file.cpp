@@ -40,6 +40,27 @@ void read_values(TableReader& table, std::string_view key, const toml::node* nod
   }
 }
 
+// Reads the bounds of a setting that may have any whole number between them.
+void read_range(TableReader& table, Host::Setting& setting) {
+  setting.is_number = setting.is_range = true;
+  for (const char* key : {"values", "codes"})
+    if (table.node(key) != nullptr)
+      table.fault(key, "give either this, or min and max, between which a whole number is its own code");
+  const auto bound = [&](const char* key, std::int64_t fallback, std::int64_t low, std::int64_t high) {
+    const toml::node* node = table.node(key);
+    if (node == nullptr) return fallback;
+    const auto number = node->is_integer() ? node->value<std::int64_t>() : std::nullopt;
+    if (number && *number >= low && *number <= high) return *number;
+    table.fault(key, fmt::format("give a whole number from {} to {}", low, high));
+    return fallback;
+  };
+  for (const char* key : {"min", "max"}) require(table, key, "the other bound of the allowed whole numbers");
+  setting.lowest = bound("min", 0, -Host::largest_value, Host::largest_value);
+  setting.highest = bound("max", setting.lowest, setting.lowest, Host::largest_value);
+  setting.delivered = static_cast<std::uint64_t>(bound("delivered", setting.lowest, setting.lowest, setting.highest) -
+                                                 setting.lowest);
+}
+
 Host::Setting read_setting(TableReader& table, const std::string& name, const toml::node& node, Faults& faults,
                            toml::table& resolved) {
   Host::Setting setting;
@@ -51,7 +72,13 @@ Host::Setting read_setting(TableReader& table, const std::string& name, const to
     return setting;
   }
   TableReader reader(described, fmt::format("setting.{}.", name), setting.line, faults, resolved);
-  require(reader, "values", "the allowed values, as [100, 50, 10]");
+  if (reader.has("min") || reader.has("max")) {
+    read_range(reader, setting);
+    setting.is_kept = reader.flag("kept", false);
+    reader.finish();
+    return setting;
+  }
+  require(reader, "values", "the allowed values, as [100, 50, 10], or min and max");
   if (reader.has("values")) read_values(reader, "values", reader.node("values"), setting);
   if (const toml::node* delivered = reader.node("delivered")) {
     const auto text = value_text(*delivered);

@@ -109,9 +109,11 @@ FrameHost host_of(const FrameDescription& description, const Settings& settings)
 double highest_rate_hz(const FrameDescription& description, const FrameDescription::Message& message) {
   double highest = message.rate_hz;
   for (const FrameHostDescription::Setting& setting : description.host.settings)
-    if (setting.name == message.rate_setting)
+    if (setting.name == message.rate_setting) {
+      if (setting.is_range) highest = static_cast<double>(setting.highest);
       for (const std::string& value : setting.values)
         highest = std::max(highest, number_in<double>(value).value_or(0));
+    }
   return highest;
 }
 
@@ -249,9 +251,8 @@ extern constexpr Protocol frame_protocol = {
     .make_decoder = [](const Settings& chosen) -> std::unique_ptr<Decoder> {
       const FrameDescription description = description_of(chosen);
       const FrameSettings described(description);
-      std::vector<std::uint8_t> values;
-      for (std::size_t i = 0; i < described.size(); ++i)
-        values.push_back(static_cast<std::uint8_t>(described[i].delivered));
+      std::vector<FrameValue> values;
+      for (std::size_t i = 0; i < described.size(); ++i) values.push_back(described[i].delivered);
       for (const auto [setting, value] : stored_values(described, chosen)) values[setting] = value;
       return std::make_unique<FrameStreamDecoder>(frame_messages(description), description.escape, values);
     },

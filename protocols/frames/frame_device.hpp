@@ -104,8 +104,7 @@ class FrameStreamDecoder final : public Decoder, public FieldDecoder {
  public:
   // `values`: of the settings that the unit probably has. Messages that are sent with these are tried first, as
   // others may have the same constants.
-  FrameStreamDecoder(std::vector<FrameMessage> messages, FrameEscape escape,
-                     std::span<const std::uint8_t> values = {});
+  FrameStreamDecoder(std::vector<FrameMessage> messages, FrameEscape escape, std::span<const FrameValue> values = {});
 
   void feed(const Frame& frame, MeasurementSink& sink) override;
   void finish(MeasurementSink& sink) override;

@@ -63,7 +63,7 @@ bool may_coincide(const FrameMessage& a, const FrameMessage& b) {
 }
 
 FrameStreamDecoder::FrameStreamDecoder(std::vector<FrameMessage> messages, FrameEscape escape,
-                                       std::span<const std::uint8_t> values)
+                                       std::span<const FrameValue> values)
     : kinds_(kinds_of(messages)), escape_(escape), reader_(escape) {
   const FrameMessage* most = nullptr;  // of the messages that are always sent
   for (const FrameMessage& message : messages)

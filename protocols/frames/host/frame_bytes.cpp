@@ -127,11 +127,7 @@ class FrameBytes::Parser {
 
   void set_setting(Capture& capture, const std::string& name) {
     capture.setting = settings_.at(name);
-    settings_.require_codes(*capture.setting);
-    const FrameSettings::Setting& setting = settings_[*capture.setting];
-    for (std::size_t i = 0; i < setting.values.size(); ++i)
-      if (settings_.code({*capture.setting, static_cast<std::uint8_t>(i)}) > low_bits(capture.width))
-        refuse_element("the bits do not hold the code of the value " + setting.values[i]);
+    settings_.require_codes(*capture.setting, capture.width);
   }
 
   void add_bits(std::string_view text) {
@@ -230,7 +226,7 @@ FrameLayout::Match FrameBytes::match(std::span<const std::byte> held, const Fram
   return match;
 }
 
-void FrameBytes::fill(std::span<const std::uint8_t> values, const FrameSettings& settings,
+void FrameBytes::fill(std::span<const FrameValue> values, const FrameSettings& settings,
                       std::span<std::byte> out) const noexcept {
   for (const Capture& one : captures_) {
     if (!one.setting) continue;
@@ -240,8 +236,7 @@ void FrameBytes::fill(std::span<const std::uint8_t> values, const FrameSettings&
   }
 }
 
-std::vector<std::byte> FrameBytes::example(std::span<const std::uint8_t> values,
-                                           const FrameSettings& settings) const {
+std::vector<std::byte> FrameBytes::example(std::span<const FrameValue> values, const FrameSettings& settings) const {
   std::vector<std::byte> bytes(size());
   layout_->encode({Sample()}, {}, {}, bytes);
   fill(values, settings, bytes);
@@ -249,9 +244,8 @@ std::vector<std::byte> FrameBytes::example(std::span<const std::uint8_t> values,
   return bytes;
 }
 
-void FrameBytes::write(const Reading& newest, std::span<const std::byte> request,
-                       std::span<const std::uint8_t> values, const FrameSettings& settings,
-                       std::span<std::byte> out) const noexcept {
+void FrameBytes::write(const Reading& newest, std::span<const std::byte> request, std::span<const FrameValue> values,
+                       const FrameSettings& settings, std::span<std::byte> out) const noexcept {
   layout_->encode(newest, {}, {}, out);
   for (const Capture& one : captures_)
     if (!one.setting)

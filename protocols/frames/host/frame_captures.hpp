@@ -11,8 +11,8 @@
 #include <string_view>
 #include <vector>
 
-#include "protocols/frames/layout/frame_settings.hpp"
 #include "protocols/frames/layout/frame_layout.hpp"
+#include "protocols/frames/layout/frame_settings.hpp"
 
 namespace imud {
 
@@ -46,9 +46,11 @@ class FrameLine {
   bool ignores_case() const noexcept { return ignores_case_; }
   bool captures_setting() const noexcept { return captures_setting_; }
   bool captures_values() const noexcept { return captures_values_; }
+  // Returns true if a captured value may be one of a range.
+  bool captures_ranges() const noexcept { return captures_ranges_; }
   bool has_any() const noexcept { return has_any_; }
 
-  // Returns the lines that match, at most 1024, with each allowed value; {any} is "1".
+  // Returns the lines that match, at most 1024, with each value that is listed, and the ends of ranges; {any} is "1".
   std::vector<std::string> lines(const FrameSettings& settings) const;
   // Returns the beginnings of the lines that match, for each setting, up to the first {any}, {value} or {NAME}.
   std::vector<std::string> beginnings(const FrameSettings& settings) const;
@@ -63,7 +65,7 @@ class FrameLine {
   };
   std::vector<Part> parts_;
   bool ignores_case_;
-  bool captures_setting_ = false, captures_values_ = false, has_any_ = false;
+  bool captures_setting_ = false, captures_values_ = false, captures_ranges_ = false, has_any_ = false;
 };
 
 // Bytes by a list of elements, in which there may be captures: of a request `{NAME}:u16`, `bits:u8:0={NAME}` and
@@ -86,13 +88,13 @@ class FrameBytes {
   FrameLayout::Match match(std::span<const std::byte> held, const FrameSettings& settings,
                            FrameCaptures& captures) const noexcept;
   // Returns a request that matches, with these values of the settings; bytes that may be any are 0.
-  std::vector<std::byte> example(std::span<const std::uint8_t> values, const FrameSettings& settings) const;
+  std::vector<std::byte> example(std::span<const FrameValue> values, const FrameSettings& settings) const;
   // Returns true if there may be bytes that begin with a request of both.
   bool overlaps(const FrameBytes& other) const noexcept { return layout_->may_coincide(*other.layout_); }
 
   // --- An answer ---
   // Writes the answer to `out`, of size() bytes. `values`: of all settings.
-  void write(const Reading& newest, std::span<const std::byte> request, std::span<const std::uint8_t> values,
+  void write(const Reading& newest, std::span<const std::byte> request, std::span<const FrameValue> values,
              const FrameSettings& settings, std::span<std::byte> out) const noexcept;
 
  private:
@@ -104,7 +106,7 @@ class FrameBytes {
     std::size_t first = 0;
   };
   class Parser;
-  void fill(std::span<const std::uint8_t> values, const FrameSettings& settings,
+  void fill(std::span<const FrameValue> values, const FrameSettings& settings,
             std::span<std::byte> out) const noexcept;
 
   std::optional<FrameLayout> layout_;

@@ -105,6 +105,7 @@ std::string text_of(const Host::Answer& answer) {
 }
 
 std::string values_of(const Host::Setting& setting) {
+  if (setting.is_range) return std::to_string(setting.lowest) + " to " + std::to_string(setting.highest);
   std::vector<std::string> words;
   for (std::size_t i = 0; i < setting.values.size(); ++i)
     words.push_back(setting.values[i] + (setting.codes.empty() ? "" : " (" + std::to_string(setting.codes[i]) + ")"));
@@ -147,9 +148,13 @@ std::vector<std::string> frame_request_rows(const FrameDescription& description)
   if (!host.settings.empty()) {
     lines.push_back(description.name + ", settings:");
     std::vector<Row> rows = {{"name", "delivered", "without power", "allowed"}};
-    for (const Host::Setting& one : host.settings)
-      rows.push_back(
-          {one.name, one.values[one.delivered], one.is_kept ? "kept" : "lost unless saved", values_of(one)});
+    const FrameSettings settings(description);
+    for (std::size_t i = 0; i < settings.size(); ++i) {
+      const Host::Setting& one = settings[i];
+      FrameSettings::Room room;
+      rows.push_back({one.name, std::string(settings.text({i, one.delivered}, room)),
+                      one.is_kept ? "kept" : "lost unless saved", values_of(one)});
+    }
     add_table(lines, rows);
   }
   if (!host.requests.empty()) {

@@ -40,8 +40,9 @@ void FrameHost::start() noexcept {
 }
 
 std::optional<unsigned> FrameHost::baud() const noexcept {
-  if (!requests_->baud_setting()) return std::nullopt;
-  return requests_->bauds()[line_value_];
+  const auto setting = requests_->baud_setting();
+  if (!setting) return std::nullopt;
+  return static_cast<unsigned>(requests_->settings().number({*setting, line_value_}));
 }
 
 void FrameHost::step_clock(Nanoseconds by) noexcept {

@@ -50,7 +50,7 @@ class FrameHost {
   void step_clock(Nanoseconds by) noexcept;
 
   bool is_streaming() const noexcept { return is_streaming_; }
-  std::span<const std::uint8_t> values() const noexcept { return values_; }  // indices, of all settings
+  std::span<const FrameValue> values() const noexcept { return values_; }  // of all settings
   // Returns the bit rate of the line; nullopt if no setting has it. It changes after the answer.
   std::optional<unsigned> baud() const noexcept;
   // Returns the index of the request that was executed last, or refused by its own answer.
@@ -83,8 +83,8 @@ class FrameHost {
   std::span<std::byte> delayed_bytes(std::size_t slot) noexcept;
 
   std::shared_ptr<const FrameRequests> requests_;
-  std::vector<std::uint8_t> stored_, values_;
-  std::uint8_t line_value_ = 0;  // of the setting that has the bit rate
+  std::vector<FrameValue> stored_, values_;
+  FrameValue line_value_ = 0;  // of the setting that has the bit rate
   bool is_streaming_ = true;
   Search search_;
   DeviceTime last_;  // of the newest byte

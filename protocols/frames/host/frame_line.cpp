@@ -41,9 +41,10 @@ FrameLine::FrameLine(std::string_view pattern, bool ignores_case, const FrameSet
     captures_values_ |= part.kind == Kind::value || part.kind == Kind::named;
     for (std::size_t i = 0; i < settings.size(); ++i) {
       const bool is_meant = part.kind == Kind::value || (part.kind == Kind::named && part.setting == i);
-      for (const std::string& value : settings[i].values)
-        if (is_meant && part.end != '\0' && value.find(part.end) != std::string::npos)
-          refuse("{" + name + "} ends at '" + part.end + "', which is in the value " + value);
+      captures_ranges_ |= is_meant && settings[i].is_range;
+      if (!is_meant || part.end == '\0') continue;
+      if (const std::string value = settings.value_with(i, part.end); !value.empty())
+        refuse("{" + name + "} ends at '" + part.end + "', which is in " + value);
     }
     parts_.push_back(std::move(part));
   }
@@ -115,7 +116,7 @@ std::vector<std::string> FrameLine::lines(const FrameSettings& settings) const {
       else if (part.kind == Kind::setting)
         for (std::size_t i = 0; i < settings.size(); ++i) add(settings[i].name, i);
       else
-        for (const std::string& value : settings[part.kind == Kind::named ? part.setting : begun.setting].values)
+        for (const std::string& value : settings.examples(part.kind == Kind::named ? part.setting : begun.setting))
           add(value, begun.setting);
     }
     all = std::move(longer);

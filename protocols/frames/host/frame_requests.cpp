@@ -20,7 +20,8 @@ std::span<const std::byte> line_bytes(std::string_view text) { return std::as_by
 
 // Returns true if the request may match lines that cannot be listed.
 bool is_open(const FrameRequest& request) {
-  return request.text->has_any() || (request.text->captures_values() && request.otherwise.is_given());
+  return request.text->has_any() || request.text->captures_ranges() ||
+         (request.text->captures_values() && request.otherwise.is_given());
 }
 
 }  // namespace
@@ -44,9 +45,9 @@ FrameAnswer::FrameAnswer(const FrameDescription& description, const FrameHostDes
 
 void FrameAnswer::add_parts(std::string_view text, const FrameLine* request, const FrameSettings& settings) {
   const auto refuse = [](const std::string& fault) { throw std::invalid_argument(fault); };
-  const auto longest_value = [](const FrameSettings::Setting& setting) {
+  const auto longest_value = [&settings](std::size_t setting) {
     std::size_t longest = 0;
-    for (const std::string& value : setting.values) longest = std::max(longest, value.size());
+    for (const std::string& value : settings.examples(setting)) longest = std::max(longest, value.size());
     return longest;
   };
   if (text.empty()) refuse("must not be empty; leave it out if the unit does not answer");
@@ -71,8 +72,7 @@ void FrameAnswer::add_parts(std::string_view text, const FrameLine* request, con
       if (!is_refusal_) {
         longest = 0;
         for (std::size_t i = 0; i < settings.size(); ++i)
-          longest =
-              std::max(longest, part.kind == Kind::setting ? settings[i].name.size() : longest_value(settings[i]));
+          longest = std::max(longest, part.kind == Kind::setting ? settings[i].name.size() : longest_value(i));
       }
     } else if (name == "any") {
       part.kind = Kind::any;
@@ -83,15 +83,15 @@ void FrameAnswer::add_parts(std::string_view text, const FrameLine* request, con
     } else {
       part.kind = Kind::named;
       part.setting = settings.at(name);
-      longest = longest_value(settings[part.setting]);
+      longest = longest_value(part.setting);
     }
     longest_ += longest;
     parts_.push_back(std::move(part));
   }
 }
 
-std::string_view FrameAnswer::text_of(const Part& part, const FrameCaptures& captures,
-                                      const FrameAnswering& with) const noexcept {
+std::string_view FrameAnswer::text_of(const Part& part, const FrameCaptures& captures, const FrameAnswering& with,
+                                      FrameSettings::Room& room) const noexcept {
   switch (part.kind) {
     case Kind::text:
       return part.text;
@@ -99,9 +99,9 @@ std::string_view FrameAnswer::text_of(const Part& part, const FrameCaptures& cap
       return captures.setting ? with.settings[*captures.setting].name : std::string_view();
     case Kind::value:
       if (is_refusal_ || !captures.setting) return captures.value;
-      return with.settings[*captures.setting].values[with.values[*captures.setting]];
+      return with.settings.text({*captures.setting, with.values[*captures.setting]}, room);
     case Kind::named:
-      return with.settings[part.setting].values[with.values[part.setting]];
+      return with.settings.text({part.setting, with.values[part.setting]}, room);
     case Kind::any:
       return captures.any;
     case Kind::line:
@@ -118,7 +118,8 @@ std::size_t FrameAnswer::write(const FrameCaptures& captures, const FrameAnsweri
   }
   std::size_t size = 0;
   for (const Part& part : parts_) {
-    const auto text = std::as_bytes(std::span(text_of(part, captures, with)));
+    FrameSettings::Room room;
+    const auto text = std::as_bytes(std::span(text_of(part, captures, with, room)));
     std::ranges::copy(text, out.begin() + static_cast<std::ptrdiff_t>(size));
     size += text.size();
   }
@@ -141,12 +142,11 @@ FrameRequests::FrameRequests(const FrameDescription& description) : settings_(de
   const FrameHostDescription& host = description.host;
   faults_ = settings_.faults();
   if (!faults_.empty()) throw FrameFaults(description.file, std::move(faults_));
-  for (std::size_t i = 0; i < settings_.size(); ++i)
-    delivered_.push_back(static_cast<std::uint8_t>(settings_[i].delivered));
+  for (std::size_t i = 0; i < settings_.size(); ++i) delivered_.push_back(settings_[i].delivered);
   if (!description.baud_setting.empty())
     attempt(1, "line.baud", [&] {
-      bauds_ = settings_.bauds(settings_.at(description.baud_setting));
       baud_setting_ = settings_.at(description.baud_setting);
+      settings_.require_bauds(*baud_setting_);
     });
   if (host.requests.size() > FrameHostDescription::most_requests)
     faults_.push_back({host.requests.front().line, "request",

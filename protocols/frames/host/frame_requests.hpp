@@ -15,7 +15,7 @@ namespace imud {
 // The state of the unit that answers.
 struct FrameAnswering {
   const FrameSettings& settings;
-  std::span<const std::uint8_t> values;  // indices, of all settings
+  std::span<const FrameValue> values;  // of all settings
   const Sample& newest;
 };
 
@@ -44,8 +44,8 @@ class FrameAnswer {
     std::size_t setting = 0;  // of `named`
   };
   void add_parts(std::string_view text, const FrameLine* request, const FrameSettings& settings);
-  std::string_view text_of(const Part& part, const FrameCaptures& captures,
-                           const FrameAnswering& with) const noexcept;
+  std::string_view text_of(const Part& part, const FrameCaptures& captures, const FrameAnswering& with,
+                           FrameSettings::Room& room) const noexcept;
 
   std::vector<Part> parts_;
   std::optional<FrameBytes> bytes_;
@@ -86,11 +86,10 @@ class FrameRequests {
   bool has_lines() const noexcept { return has_lines_; }
   // Returns true if an answer has quantities of the newest sample.
   bool needs_samples() const noexcept { return needs_samples_; }
-  std::size_t longest_answer() const noexcept { return longest_answer_; }    // bytes
-  const FrameAnswer& unknown_answer() const noexcept { return unknown_; }    // to a line that no request matches
-  const std::vector<std::uint8_t>& delivered() const { return delivered_; }  // values of all settings
+  std::size_t longest_answer() const noexcept { return longest_answer_; }  // bytes
+  const FrameAnswer& unknown_answer() const noexcept { return unknown_; }  // to a line that no request matches
+  const std::vector<FrameValue>& delivered() const { return delivered_; }  // values of all settings
   std::optional<std::size_t> baud_setting() const noexcept { return baud_setting_; }
-  const std::vector<unsigned>& bauds() const noexcept { return bauds_; }  // of the values of that setting
 
   // Returns requests of each form, with the end of a line: the values are those as delivered.
   std::vector<std::vector<std::byte>> examples() const;
@@ -107,9 +106,8 @@ class FrameRequests {
   FrameSettings settings_;
   std::vector<FrameRequest> all_;
   FrameAnswer unknown_;
-  std::vector<std::uint8_t> delivered_;
+  std::vector<FrameValue> delivered_;
   std::optional<std::size_t> baud_setting_;
-  std::vector<unsigned> bauds_;
   std::size_t longest_answer_ = 0;
   bool has_lines_ = false, needs_samples_ = false;
   std::vector<FrameFault> faults_;

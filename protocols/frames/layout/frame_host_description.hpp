@@ -13,7 +13,8 @@ namespace imud {
 struct FrameHostDescription {
   // Limits of a file, which bound memory and time.
   static constexpr std::size_t most_settings = 32;
-  static constexpr std::size_t most_values = 64;  // of a setting
+  static constexpr std::size_t most_values = 64;                        // of a setting
+  static constexpr std::int64_t largest_value = std::int64_t{1} << 53;  // of a range, and with a minus its smallest
   static constexpr std::size_t most_requests = 128;
   static constexpr std::size_t most_tests = 16;          // of a request
   static constexpr std::size_t longest_request = 256;    // bytes, with the end of a line
@@ -27,10 +28,12 @@ struct FrameHostDescription {
   struct Setting {
     std::string name;
     std::uint32_t line = 0;
-    std::vector<std::string> values;   // texts, or the shortest texts of numbers
-    bool is_number = false;            // all values are numbers
+    std::vector<std::string> values;  // texts, or the shortest texts of numbers; of a range none
+    bool is_number = false;           // all values are numbers
+    bool is_range = false;            // the values are all whole numbers from `lowest` to `highest`
+    std::int64_t lowest = 0, highest = 0;
     std::vector<std::uint64_t> codes;  // of the values, in binary requests and answers; empty: the values themselves
-    std::size_t delivered = 0;         // index of the value
+    std::uint64_t delivered = 0;       // index of the value; of a range its distance from `lowest`
     bool is_kept = false;              // a value that the host sets survives a loss of power
   };
   // A setting with one of several values, as a condition, or with one value that a request sets.

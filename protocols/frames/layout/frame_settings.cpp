@@ -1,10 +1,12 @@
 #include "protocols/frames/layout/frame_settings.hpp"
 
 #include <algorithm>
+#include <charconv>
 #include <cmath>
 #include <stdexcept>
 
 #include "core/numbers/nearest.hpp"
+#include "protocols/frames/layout/frame_number.hpp"
 #include "protocols/wire/number_text.hpp"
 
 namespace imud {
@@ -29,37 +31,40 @@ bool is_same_text(std::string_view a, std::string_view b, bool ignores_case) noe
   return std::ranges::equal(a, b, [](char x, char y) { return lower(x) == lower(y); });
 }
 
-bool all_hold(std::span<const FrameCondition> conditions, std::span<const std::uint8_t> values) noexcept {
-  return std::ranges::all_of(
-      conditions, [&](const FrameCondition& one) { return (one.values >> values[one.setting] & 1U) != 0; });
+bool FrameCondition::allows(FrameValue value) const noexcept {
+  return std::ranges::find(values, value) != values.end();
+}
+
+bool all_hold(std::span<const FrameCondition> conditions, std::span<const FrameValue> values) noexcept {
+  return std::ranges::all_of(conditions, [&](const FrameCondition& one) { return one.allows(values[one.setting]); });
 }
 
 bool exclude(std::span<const FrameCondition> some, std::span<const FrameCondition> others) noexcept {
   return std::ranges::any_of(some, [&](const FrameCondition& one) {
     return std::ranges::any_of(others, [&](const FrameCondition& two) {
-      return one.setting == two.setting && (one.values & two.values) == 0;
+      return one.setting == two.setting &&
+             std::ranges::none_of(one.values, [&](FrameValue value) { return two.allows(value); });
     });
   });
 }
 
-bool FrameSwitch::is_on(std::span<const std::uint8_t> values) const noexcept {
+bool FrameSwitch::is_on(std::span<const FrameValue> values) const noexcept {
   if (!is_streamed || (rate && periods[values[*rate]].count() == 0)) return false;
   return all_hold(when, values);
 }
 
 FrameSettings::FrameSettings(const FrameDescription& description) : all_(description.host.settings) {
-  for (std::size_t i = 0; i < all_.size(); ++i) {
-    codes_.push_back(all_[i].codes);
-    codes_[i].resize(all_[i].values.size(), no_code);
-    if (!all_[i].codes.empty() || !all_[i].is_number) continue;
-    for (std::size_t k = 0; k < codes_[i].size(); ++k)
-      if (const double code = number(i, k); code >= 0 && code <= 0x1p53 && code == std::floor(code))
-        codes_[i][k] = static_cast<std::uint64_t>(code);
+  for (const Setting& one : all_) {
+    std::vector<double>& numbers = numbers_.emplace_back();
+    for (const std::string& value : one.values)
+      numbers.push_back(one.is_number ? number_in<double>(value).value_or(0) : 0);
+    std::vector<std::uint64_t>& codes = codes_.emplace_back(one.codes);
+    codes.resize(one.values.size(), no_code);
+    if (!one.codes.empty() || !one.is_number) continue;
+    for (std::size_t k = 0; k < codes.size(); ++k)
+      if (numbers[k] >= 0 && numbers[k] <= 0x1p53 && numbers[k] == std::floor(numbers[k]))
+        codes[k] = static_cast<std::uint64_t>(numbers[k]);
   }
-}
-
-double FrameSettings::number(std::size_t setting, std::size_t value) const noexcept {
-  return number_in<double>(all_[setting].values[value]).value_or(0);
 }
 
 std::vector<FrameFault> FrameSettings::faults() const {
@@ -79,6 +84,10 @@ std::vector<FrameFault> FrameSettings::faults() const {
       fault("a name is of letters, digits and underscores, and does not begin with a digit");
     if (std::ranges::find(words, one.name) != std::end(words))
       fault("give another name; {" + one.name + "} means something else in requests and answers");
+    if (one.is_range) {
+      if (one.lowest > one.highest) fault("min must not be more than max");
+      continue;
+    }
     if (one.values.empty() || one.values.size() > FrameHostDescription::most_values) {
       fault("give 1 to " + std::to_string(FrameHostDescription::most_values) +
             " allowed values, the delivered one first");
@@ -108,20 +117,79 @@ std::optional<std::size_t> FrameSettings::find(std::string_view name, bool ignor
   return std::nullopt;
 }
 
-std::optional<std::uint8_t> FrameSettings::find_value(std::size_t setting, std::string_view text,
-                                                      bool ignores_case) const noexcept {
+std::optional<FrameValue> FrameSettings::find_value(std::size_t setting, std::string_view text,
+                                                    bool ignores_case) const noexcept {
   const Setting& one = all_[setting];
   const auto given = one.is_number ? number_in<double>(text) : std::nullopt;
+  if (one.is_range) {
+    if (!given || *given != std::floor(*given) || *given < static_cast<double>(one.lowest) ||
+        *given > static_cast<double>(one.highest))
+      return std::nullopt;
+    return static_cast<FrameValue>(static_cast<std::int64_t>(*given) - one.lowest);
+  }
   for (std::size_t i = 0; i < one.values.size(); ++i)
-    if (is_same_text(one.values[i], text, ignores_case) || (given && *given == number(setting, i)))
-      return static_cast<std::uint8_t>(i);
+    if (is_same_text(one.values[i], text, ignores_case) || (given && *given == numbers_[setting][i])) return i;
   return std::nullopt;
 }
 
-std::optional<std::uint8_t> FrameSettings::find_code(std::size_t setting, std::uint64_t code) const noexcept {
+std::optional<FrameValue> FrameSettings::find_code(std::size_t setting, std::uint64_t code) const noexcept {
+  const Setting& one = all_[setting];
+  if (one.is_range) {
+    const auto lowest = static_cast<std::uint64_t>(one.lowest), highest = static_cast<std::uint64_t>(one.highest);
+    return code >= lowest && code <= highest ? std::optional(code - lowest) : std::nullopt;
+  }
   const auto found = std::ranges::find(codes_[setting], code);
   if (found == codes_[setting].end() || code == no_code) return std::nullopt;
-  return static_cast<std::uint8_t>(found - codes_[setting].begin());
+  return static_cast<FrameValue>(found - codes_[setting].begin());
+}
+
+std::uint64_t FrameSettings::code(FrameChosen chosen) const noexcept {
+  const Setting& one = all_[chosen.setting];
+  return one.is_range ? static_cast<std::uint64_t>(one.lowest) + chosen.value : codes_[chosen.setting][chosen.value];
+}
+
+double FrameSettings::number(FrameChosen chosen) const noexcept {
+  const Setting& one = all_[chosen.setting];
+  if (one.is_range) return static_cast<double>(one.lowest + static_cast<std::int64_t>(chosen.value));
+  return numbers_[chosen.setting][chosen.value];
+}
+
+std::string_view FrameSettings::text(FrameChosen chosen, Room& room) const noexcept {
+  const Setting& one = all_[chosen.setting];
+  if (!one.is_range) return one.values[chosen.value];
+  const auto end =
+      std::to_chars(room.data(), room.data() + room.size(), one.lowest + static_cast<std::int64_t>(chosen.value)).ptr;
+  return {room.data(), static_cast<std::size_t>(end - room.data())};
+}
+
+std::string FrameSettings::word(FrameChosen chosen) const {
+  Room room;
+  return std::string(text(chosen, room));
+}
+
+template <class Check>
+void FrameSettings::each_end(std::size_t setting, Check check) const {
+  const Setting& one = all_[setting];
+  if (one.is_range) {
+    const auto last = static_cast<FrameValue>(one.highest - one.lowest);
+    for (const FrameValue value : {one.delivered, FrameValue{0}, last}) check(FrameChosen{setting, value});
+  }
+  for (std::size_t i = 0; i < one.values.size(); ++i) check(FrameChosen{setting, i});
+}
+
+std::vector<std::string> FrameSettings::examples(std::size_t setting) const {
+  std::vector<std::string> texts;
+  each_end(setting, [&](FrameChosen chosen) { texts.push_back(word(chosen)); });
+  return texts;
+}
+
+std::string FrameSettings::value_with(std::size_t setting, char c) const {
+  const Setting& one = all_[setting];
+  if (one.is_range && ((c >= '0' && c <= '9') || (c == '-' && one.lowest < 0)))
+    return "a value from " + std::to_string(one.lowest) + " to " + std::to_string(one.highest);
+  for (const std::string& value : one.values)
+    if (value.find(c) != value.npos) return "the value " + value;
+  return "";
 }
 
 std::size_t FrameSettings::at(const std::string& name) const {
@@ -135,15 +203,18 @@ std::size_t FrameSettings::at(const std::string& name) const {
                                   : "there are " + listed(names)));
 }
 
-std::uint8_t FrameSettings::value_at(std::size_t setting, const std::string& text) const {
+FrameValue FrameSettings::value_at(std::size_t setting, const std::string& text) const {
   if (const auto found = find_value(setting, text)) return *found;
-  refuse_setting(text + " is no value of " + all_[setting].name + "; there are " + listed(all_[setting].values));
+  const Setting& one = all_[setting];
+  refuse_setting(text + " is no value of " + one.name +
+                 (one.is_range ? "; give a whole number from " + std::to_string(one.lowest) + " to " +
+                                     std::to_string(one.highest)
+                               : "; there are " + listed(one.values)));
 }
 
 FrameCondition FrameSettings::condition(const FrameHostDescription::Choice& choice) const {
-  FrameCondition condition{at(choice.setting), 0};
-  for (const std::string& value : choice.values)
-    condition.values |= std::uint64_t{1} << value_at(condition.setting, value);
+  FrameCondition condition{at(choice.setting), {}};
+  for (const std::string& value : choice.values) condition.values.push_back(value_at(condition.setting, value));
   return condition;
 }
 
@@ -168,35 +239,43 @@ FrameSwitch FrameSettings::switch_of(const FrameDescription::Message& message,
   return result;
 }
 
-void FrameSettings::require_codes(std::size_t setting) const {
-  for (std::size_t i = 0; i < codes_[setting].size(); ++i)
-    if (codes_[setting][i] == no_code)
-      refuse_setting("the value " + all_[setting].values[i] + " of " + all_[setting].name +
+void FrameSettings::require_codes(std::size_t setting, unsigned bits) const {
+  const Setting& one = all_[setting];
+  if (one.is_range && one.lowest < 0)
+    refuse_setting(one.name + " has negative values, which have no code; give {values = [...], codes = [...]}");
+  each_end(setting, [&](FrameChosen chosen) {
+    const std::uint64_t sent = code(chosen);
+    if (!one.is_range && sent == no_code)
+      refuse_setting("the value " + word(chosen) + " of " + one.name +
                      " has no code; give {values = [...], codes = [...]}");
+    if (sent > low_bits(bits)) refuse_setting("the bits do not hold the code of the value " + word(chosen));
+  });
 }
 
 std::vector<Nanoseconds> FrameSettings::periods(std::size_t setting) const {
-  std::vector<Nanoseconds> periods;
-  for (std::size_t i = 0; i < all_[setting].values.size(); ++i) {
-    const double rate_hz = number(setting, i);
-    if (!all_[setting].is_number || (rate_hz != 0 && !(rate_hz >= Grid::min_rate_hz && rate_hz <= Grid::max_rate_hz)))
-      refuse_setting("the value " + all_[setting].values[i] + " of " + all_[setting].name +
+  const Setting& one = all_[setting];
+  each_end(setting, [&](FrameChosen chosen) {
+    const double rate_hz = number(chosen);
+    if (!one.is_number || (rate_hz != 0 && !(rate_hz >= Grid::min_rate_hz && rate_hz <= Grid::max_rate_hz)))
+      refuse_setting("the value " + word(chosen) + " of " + one.name +
                      " is no rate; give Hz from 0.001 to 10000, or 0, at which nothing is sent");
+  });
+  const std::size_t count = one.is_range ? static_cast<std::size_t>(one.highest - one.lowest) + 1 : one.values.size();
+  std::vector<Nanoseconds> periods;
+  for (std::size_t i = 0; i < count; ++i) {
+    const double rate_hz = number({setting, i});
     periods.push_back(rate_hz == 0 ? Nanoseconds{} : nanoseconds(1 / rate_hz));
   }
   return periods;
 }
 
-std::vector<unsigned> FrameSettings::bauds(std::size_t setting) const {
-  std::vector<unsigned> bauds;
-  for (std::size_t i = 0; i < all_[setting].values.size(); ++i) {
-    const double baud = number(setting, i);
+void FrameSettings::require_bauds(std::size_t setting) const {
+  each_end(setting, [&](FrameChosen chosen) {
+    const double baud = number(chosen);
     if (!all_[setting].is_number || !(baud >= 1 && baud <= highest_baud) || baud != std::floor(baud))
-      refuse_setting("the value " + all_[setting].values[i] + " of " + all_[setting].name +
+      refuse_setting("the value " + word(chosen) + " of " + all_[setting].name +
                      " is no bit rate; give whole numbers up to 20000000");
-    bauds.push_back(static_cast<unsigned>(baud));
-  }
-  return bauds;
+  });
 }
 
 }  // namespace imud

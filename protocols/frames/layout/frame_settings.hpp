@@ -18,20 +18,25 @@ namespace imud {
 // Returns true if the texts are equal; `ignores_case`: but for the case of letters of ASCII.
 bool is_same_text(std::string_view a, std::string_view b, bool ignores_case) noexcept;
 
-// A setting and the index of one of its values.
+// A value of a setting: its index in the list, or, of a range, its distance from the lowest value.
+using FrameValue = std::uint64_t;
+
+// A setting and one of its values.
 struct FrameChosen {
   std::size_t setting = 0;
-  std::uint8_t value = 0;
+  FrameValue value = 0;
 };
 
-// The values that one setting must have: bits of their indices.
+// The values that one setting must have.
 struct FrameCondition {
   std::size_t setting = 0;
-  std::uint64_t values = 0;
+  std::vector<FrameValue> values;
+
+  bool allows(FrameValue value) const noexcept;
 };
 
 // Returns true if all conditions hold with these values of all settings.
-bool all_hold(std::span<const FrameCondition> conditions, std::span<const std::uint8_t> values) noexcept;
+bool all_hold(std::span<const FrameCondition> conditions, std::span<const FrameValue> values) noexcept;
 // Returns true if no values of the settings let all conditions of both hold.
 bool exclude(std::span<const FrameCondition> some, std::span<const FrameCondition> others) noexcept;
 
@@ -43,7 +48,7 @@ struct FrameSwitch {
   bool is_streamed = true;           // false: only sent when a request polls it
 
   // Returns true if the message is streamed with these values of all settings.
-  bool is_on(std::span<const std::uint8_t> values) const noexcept;
+  bool is_on(std::span<const FrameValue> values) const noexcept;
   // Returns true if no values of the settings let both be sent.
   bool excludes(const FrameSwitch& other) const noexcept { return exclude(when, other.when); }
   bool is_always_on() const noexcept { return is_streamed && when.empty() && !rate; }
@@ -63,31 +68,44 @@ class FrameSettings {
   const Setting& operator[](std::size_t index) const noexcept { return all_[index]; }
 
   std::optional<std::size_t> find(std::string_view name, bool ignores_case = false) const noexcept;
-  // Returns the index of the value that the text is; of a number any text of it, such as "0100" for 100.
-  std::optional<std::uint8_t> find_value(std::size_t setting, std::string_view text,
-                                         bool ignores_case = false) const noexcept;
-  // Returns the index of the value that has the code; the code of a value.
-  std::optional<std::uint8_t> find_code(std::size_t setting, std::uint64_t code) const noexcept;
-  std::uint64_t code(FrameChosen chosen) const noexcept { return codes_[chosen.setting][chosen.value]; }
+  // Returns the value that the text is; of a number any text of it, such as "0100" for 100.
+  std::optional<FrameValue> find_value(std::size_t setting, std::string_view text,
+                                       bool ignores_case = false) const noexcept;
+  // Returns the value that has the code; the code of a value. A number of a range is its own code.
+  std::optional<FrameValue> find_code(std::size_t setting, std::uint64_t code) const noexcept;
+  std::uint64_t code(FrameChosen chosen) const noexcept;
+  // Returns the number that a value is; 0 if it is a text.
+  double number(FrameChosen chosen) const noexcept;
+  // Returns the text of a value, which is in `room` if the setting has a range.
+  using Room = std::array<char, 20>;
+  std::string_view text(FrameChosen chosen, Room& room) const noexcept;
+  // Returns the texts of the values that are listed, or of the delivered, the lowest and the highest one of a range.
+  std::vector<std::string> examples(std::size_t setting) const;
+  // Returns a value whose text has the character, for people; empty if there is none.
+  std::string value_with(std::size_t setting, char c) const;
 
-  // Returns the index of the setting of that name, or of a value of it.
+  // Returns the index of the setting of that name, or a value of it.
   std::size_t at(const std::string& name) const;
-  std::uint8_t value_at(std::size_t setting, const std::string& text) const;
+  FrameValue value_at(std::size_t setting, const std::string& text) const;
   FrameCondition condition(const FrameHostDescription::Choice& choice) const;
   // Returns when the message is sent. Adds what is wrong with it to `faults`.
   FrameSwitch switch_of(const FrameDescription::Message& message, std::vector<FrameFault>& faults) const;
-  // Refuses a setting of which a value has no code.
-  void require_codes(std::size_t setting) const;
+  // Refuses a setting of which a value has no code, or one of more than so many bits.
+  void require_codes(std::size_t setting, unsigned bits) const;
   // Returns the periods of a setting whose values are rates in Hz; 0 for the rate 0, at which nothing is sent.
   std::vector<Nanoseconds> periods(std::size_t setting) const;
-  // Returns the bit rates that are the values of a setting.
-  std::vector<unsigned> bauds(std::size_t setting) const;
+  // Refuses a setting of which a value is no bit rate.
+  void require_bauds(std::size_t setting) const;
 
  private:
-  double number(std::size_t setting, std::size_t value) const noexcept;
+  // Calls `check` with the values of a list, or with the delivered, the lowest and the highest one of a range.
+  template <class Check>
+  void each_end(std::size_t setting, Check check) const;
+  std::string word(FrameChosen chosen) const;
 
   std::vector<Setting> all_;
-  std::vector<std::vector<std::uint64_t>> codes_;  // of the values; those without one have `no_code`
+  std::vector<std::vector<double>> numbers_;       // of the values that are listed
+  std::vector<std::vector<std::uint64_t>> codes_;  // of these; one without has `no_code`
   static constexpr std::uint64_t no_code = ~std::uint64_t{0};
 };
 

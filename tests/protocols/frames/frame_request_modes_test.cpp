@@ -42,15 +42,6 @@ when = {LOCK = "on"}
 answer = "locked"
 )";
 
-std::string answer_to(Line& line, std::string_view request) {
-  const auto replies = std::make_unique<FrameBuffer>();
-  line.device->receive({std::as_bytes(std::span(request))}, {}, *replies);
-  std::string text;
-  for (const Frame& frame : replies->frames())
-    text.append(reinterpret_cast<const char*>(frame.bytes.data()), frame.bytes.size());
-  return text;
-}
-
 TEST(FrameRequestModes, ALockedUnitRefusesOrDoesNotKnow) {
   Line line = frame_line(locked);
   EXPECT_EQ(answer_to(line, "\xF0\x04"), "\xEE");

@@ -11,6 +11,7 @@
 #include "emulator/frames/frame_file.hpp"
 #include "emulator/plan/config.hpp"
 #include "protocols/frames/frame_device.hpp"
+#include "protocols/wire/byte_text.hpp"
 #include "tests/protocols/recording.hpp"
 #include "tests/support/hex_bytes.hpp"
 
@@ -43,6 +44,21 @@ inline std::vector<std::byte> bytes_of(Line& line, const Sample& sample) {
   std::vector<std::byte> bytes;
   for (const Frame& frame : line.encode(sample)) bytes.insert(bytes.end(), frame.bytes.begin(), frame.bytes.end());
   return bytes;
+}
+
+// The answers of a unit to what a host sends: as they are, and both in hexadecimal.
+inline std::string answer_to(Line& line, std::string_view request) {
+  const auto replies = std::make_unique<FrameBuffer>();
+  line.device->receive({std::as_bytes(std::span(request))}, {}, *replies);
+  std::string text;
+  for (const Frame& frame : replies->frames())
+    text.append(reinterpret_cast<const char*>(frame.bytes.data()), frame.bytes.size());
+  return text;
+}
+inline std::string hex_answer(Line& line, std::string_view request) {
+  const std::vector<std::byte> bytes = *hex_bytes_in(request);
+  const std::string answer = answer_to(line, {reinterpret_cast<const char*>(bytes.data()), bytes.size()});
+  return hex_text(std::as_bytes(std::span(answer)));
 }
 
 // The faults of a description, one a line; empty if it has none.
