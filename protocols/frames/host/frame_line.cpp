@@ -4,6 +4,18 @@
 #include "protocols/frames/host/frame_captures.hpp"
 
 namespace imud {
+namespace {
+
+// Returns a value whose text has the character, for people; empty if there is none.
+std::string value_with(const FrameSettings::Setting& setting, char c) {
+  if (setting.is_range && ((c >= '0' && c <= '9') || (c == '-' && setting.lowest < 0)))
+    return "a value from " + std::to_string(setting.lowest) + " to " + std::to_string(setting.highest);
+  for (const std::string& value : setting.values)
+    if (value.find(c) != value.npos) return "the value " + value;
+  return "";
+}
+
+}  // namespace
 
 FrameLine::FrameLine(std::string_view pattern, bool ignores_case, const FrameSettings& settings)
     : ignores_case_(ignores_case) {
@@ -43,7 +55,7 @@ FrameLine::FrameLine(std::string_view pattern, bool ignores_case, const FrameSet
       const bool is_meant = part.kind == Kind::value || (part.kind == Kind::named && part.setting == i);
       captures_ranges_ |= is_meant && settings[i].is_range;
       if (!is_meant || part.end == '\0') continue;
-      if (const std::string value = settings.value_with(i, part.end); !value.empty())
+      if (const std::string value = value_with(settings[i], part.end); !value.empty())
         refuse("{" + name + "} ends at '" + part.end + "', which is in " + value);
     }
     parts_.push_back(std::move(part));

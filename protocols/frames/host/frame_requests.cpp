@@ -142,7 +142,7 @@ FrameRequests::FrameRequests(const FrameDescription& description) : settings_(de
   const FrameHostDescription& host = description.host;
   faults_ = settings_.faults();
   if (!faults_.empty()) throw FrameFaults(description.file, std::move(faults_));
-  for (std::size_t i = 0; i < settings_.size(); ++i) delivered_.push_back(settings_[i].delivered);
+  delivered_ = settings_.delivered();
   if (!description.baud_setting.empty())
     attempt(1, "line.baud", [&] {
       baud_setting_ = settings_.at(description.baud_setting);

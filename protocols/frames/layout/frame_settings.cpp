@@ -32,7 +32,15 @@ bool is_same_text(std::string_view a, std::string_view b, bool ignores_case) noe
 }
 
 bool FrameCondition::allows(FrameValue value) const noexcept {
+  if (mask != 0) return ((value + lowest) & mask) == wanted;
   return std::ranges::find(values, value) != values.end();
+}
+
+bool FrameCondition::excludes(const FrameCondition& other) const noexcept {
+  if (setting != other.setting) return false;
+  if (mask != 0 && other.mask != 0) return (mask & other.mask & (wanted ^ other.wanted)) != 0;
+  const FrameCondition &list = mask == 0 ? *this : other, &rest = mask == 0 ? other : *this;
+  return std::ranges::none_of(list.values, [&](FrameValue value) { return rest.allows(value); });
 }
 
 bool all_hold(std::span<const FrameCondition> conditions, std::span<const FrameValue> values) noexcept {
@@ -41,10 +49,7 @@ bool all_hold(std::span<const FrameCondition> conditions, std::span<const FrameV
 
 bool exclude(std::span<const FrameCondition> some, std::span<const FrameCondition> others) noexcept {
   return std::ranges::any_of(some, [&](const FrameCondition& one) {
-    return std::ranges::any_of(others, [&](const FrameCondition& two) {
-      return one.setting == two.setting &&
-             std::ranges::none_of(one.values, [&](FrameValue value) { return two.allows(value); });
-    });
+    return std::ranges::any_of(others, [&](const FrameCondition& two) { return one.excludes(two); });
   });
 }
 
@@ -183,15 +188,6 @@ std::vector<std::string> FrameSettings::examples(std::size_t setting) const {
   return texts;
 }
 
-std::string FrameSettings::value_with(std::size_t setting, char c) const {
-  const Setting& one = all_[setting];
-  if (one.is_range && ((c >= '0' && c <= '9') || (c == '-' && one.lowest < 0)))
-    return "a value from " + std::to_string(one.lowest) + " to " + std::to_string(one.highest);
-  for (const std::string& value : one.values)
-    if (value.find(c) != value.npos) return "the value " + value;
-  return "";
-}
-
 std::size_t FrameSettings::at(const std::string& name) const {
   if (const auto found = find(name)) return *found;
   std::vector<std::string> names;
@@ -216,6 +212,38 @@ FrameCondition FrameSettings::condition(const FrameHostDescription::Choice& choi
   FrameCondition condition{at(choice.setting), {}};
   for (const std::string& value : choice.values) condition.values.push_back(value_at(condition.setting, value));
   return condition;
+}
+
+FrameCondition FrameSettings::condition(std::string_view text) const {
+  if (const std::size_t equals = text.find('='); equals != text.npos)
+    return condition({std::string(text.substr(0, equals)), {std::string(text.substr(equals + 1))}, 0});
+  const bool is_inverse = text.starts_with('!');
+  const std::size_t dot = text.find('.');
+  const auto bit = dot == text.npos ? std::nullopt : number_in<unsigned>(text.substr(dot + 1));
+  if (!bit || *bit > 63)
+    refuse_setting(
+        "an optional element begins with a bit or a value of a setting, as MASK.3? or !MASK.3? or FORM=A?");
+  FrameCondition condition{at(std::string(text.substr(is_inverse, dot - is_inverse)))};
+  const std::uint64_t mask = std::uint64_t{1} << *bit;
+  const Setting& one = all_[condition.setting];
+  require_codes(condition.setting, 64);
+  if (one.is_range) {
+    condition.lowest = static_cast<std::uint64_t>(one.lowest);
+    condition.mask = mask;
+    condition.wanted = is_inverse ? 0 : mask;
+  }
+  for (std::size_t i = 0; i < one.values.size(); ++i)
+    if (((codes_[condition.setting][i] & mask) == 0) == is_inverse) condition.values.push_back(i);
+  if (one.is_range ? static_cast<std::uint64_t>(one.highest) < mask
+                   : std::ranges::none_of(codes_[condition.setting], [=](auto code) { return (code & mask) != 0; }))
+    refuse_setting("no value of " + one.name + " has bit " + std::to_string(*bit));
+  return condition;
+}
+
+std::vector<FrameValue> FrameSettings::delivered() const {
+  std::vector<FrameValue> values;
+  for (const Setting& one : all_) values.push_back(one.delivered);
+  return values;
 }
 
 FrameSwitch FrameSettings::switch_of(const FrameDescription::Message& message,

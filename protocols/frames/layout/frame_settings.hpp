@@ -27,12 +27,17 @@ struct FrameChosen {
   FrameValue value = 0;
 };
 
-// The values that one setting must have.
+// The values that one setting must have: either the listed ones, or, where `mask` is not 0, the numbers of a range
+// that have the bits `wanted` in it.
 struct FrameCondition {
   std::size_t setting = 0;
-  std::vector<FrameValue> values;
+  std::vector<FrameValue> values = {};
+  std::uint64_t mask = 0, wanted = 0;
+  std::uint64_t lowest = 0;  // number of the range
 
   bool allows(FrameValue value) const noexcept;
+  bool excludes(const FrameCondition& other) const noexcept;  // no value of the setting is allowed by both
+  bool operator==(const FrameCondition&) const = default;
 };
 
 // Returns true if all conditions hold with these values of all settings.
@@ -81,13 +86,14 @@ class FrameSettings {
   std::string_view text(FrameChosen chosen, Room& room) const noexcept;
   // Returns the texts of the values that are listed, or of the delivered, the lowest and the highest one of a range.
   std::vector<std::string> examples(std::size_t setting) const;
-  // Returns a value whose text has the character, for people; empty if there is none.
-  std::string value_with(std::size_t setting, char c) const;
 
   // Returns the index of the setting of that name, or a value of it.
   std::size_t at(const std::string& name) const;
   FrameValue value_at(std::size_t setting, const std::string& text) const;
   FrameCondition condition(const FrameHostDescription::Choice& choice) const;
+  // Returns the condition of an optional element: "NAME.BIT", "!NAME.BIT" or "NAME=VALUE".
+  FrameCondition condition(std::string_view text) const;
+  std::vector<FrameValue> delivered() const;
   // Returns when the message is sent. Adds what is wrong with it to `faults`.
   FrameSwitch switch_of(const FrameDescription::Message& message, std::vector<FrameFault>& faults) const;
   // Refuses a setting of which a value has no code, or one of more than so many bits.
