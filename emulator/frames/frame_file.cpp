@@ -180,6 +180,9 @@ void read_tests(TableReader& table, FrameDescription::Message& message) {
       message.tests.push_back({{*text, frames[i]->source().begin.line}, {}});
     if (!values.empty() && !message.tests.empty()) message.tests.back().values = read_values(table, *values[i]);
   }
+  const auto settings = read_test_settings(table, frames.size());
+  for (std::size_t i = 0; i < message.tests.size() && message.tests.size() == settings.size(); ++i)
+    message.tests[i].settings = settings[i];
 }
 
 // Reads a number, or a list of numbers.

@@ -121,16 +121,16 @@ void read_settings_of_host(TableReader& root, Faults& faults, toml::table& resol
 }
 
 // Reads {NAME = VALUE, NAME = [VALUE, VALUE]}; a list only if `may_list`.
-std::vector<Host::Choice> read_choices(TableReader& table, std::string_view key, bool may_list) {
+std::vector<Host::Choice> choices_in(TableReader& table, std::string_view key, const toml::node& node,
+                                     bool may_list) {
   std::vector<Host::Choice> choices;
-  const toml::node* node = table.node(key);
-  const toml::table* values = node->as_table();
+  const toml::table* values = node.as_table();
   if (values == nullptr || values->empty()) {
     table.fault(key, "give settings with their values, as {NAME = VALUE}");
     return choices;
   }
   for (const auto& [name, value] : *values) {
-    Host::Choice choice{std::string(name.str()), {}, line_of(value, node->source().begin.line)};
+    Host::Choice choice{std::string(name.str()), {}, line_of(value, node.source().begin.line)};
     const toml::array* list = value.as_array();
     if (list != nullptr && may_list && list->size() <= Host::most_values) {
       for (const toml::node& one : *list)
@@ -144,6 +144,10 @@ std::vector<Host::Choice> read_choices(TableReader& table, std::string_view key,
       choices.push_back(std::move(choice));
   }
   return choices;
+}
+
+std::vector<Host::Choice> read_choices(TableReader& table, std::string_view key, bool may_list) {
+  return choices_in(table, key, *table.node(key), may_list);
 }
 
 std::vector<Host::Text> read_elements(TableReader& table, std::string_view key, const toml::node& node) {
@@ -262,6 +266,21 @@ void read_host(TableReader& root, Faults& faults, toml::table& resolved, FrameHo
   if (unknown.has("answer"))
     host.unknown_answer = {unknown.text("answer", ""), unknown.node("answer")->source().begin.line};
   unknown.finish();
+}
+
+std::vector<std::vector<FrameHostDescription::Choice>> read_test_settings(TableReader& message, std::size_t frames) {
+  std::vector<std::vector<Host::Choice>> all(frames);
+  const toml::node* node = message.node("test_settings");
+  if (node == nullptr) return all;
+  const toml::array* list = node->as_array();
+  if (list != nullptr && list->size() != frames) {
+    message.fault("test_settings", fmt::format("give a table for each test_frame; there are {} tables for {} frames",
+                                               list->size(), frames));
+    return all;
+  }
+  for (std::size_t i = 0; i < frames; ++i)
+    all[i] = choices_in(message, "test_settings", list != nullptr ? *list->get(i) : *node, false);
+  return all;
 }
 
 void read_switch(TableReader& message, FrameDescription::Message& into) {

@@ -14,6 +14,8 @@ std::vector<const toml::table*> tables_of(TableReader& table, std::string_view k
 
 // Reads [setting], [[request]] and [unknown]. `resolved` takes what the readers resolve.
 void read_host(TableReader& root, Faults& faults, toml::table& resolved, FrameHostDescription& host);
+// Reads the settings with which each of so many test frames was sent.
+std::vector<std::vector<FrameHostDescription::Choice>> read_test_settings(TableReader& message, std::size_t frames);
 // Reads `when`, `polled` and, if it is the name of a setting, `rate_hz` of a message.
 void read_switch(TableReader& message, FrameDescription::Message& into);
 

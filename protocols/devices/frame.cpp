@@ -170,7 +170,8 @@ std::vector<std::string> layout_of(const Settings& settings) {
                                 description.name, escape_name(description.escape)));
   std::size_t index = 0;
   for (const FrameMessage& message : frame_messages(description)) {
-    const bool varies = std::ranges::any_of(message.layout->rows(), [](const auto& row) { return row.size == 0; });
+    const bool varies =
+        std::ranges::any_of(message.layout->rows(), [](const auto& row) { return row.size == 0 || !row.offset; });
     const FrameDescription::Message& described = description.messages[index++];
     lines.push_back(fmt::format("{}, message \"{}\": {}{} bytes, {}; {}", description.name, message.name,
                                 varies ? "at most " : "", message.layout->longest(), when(message, described),
@@ -251,8 +252,7 @@ extern constexpr Protocol frame_protocol = {
     .make_decoder = [](const Settings& chosen) -> std::unique_ptr<Decoder> {
       const FrameDescription description = description_of(chosen);
       const FrameSettings described(description);
-      std::vector<FrameValue> values;
-      for (std::size_t i = 0; i < described.size(); ++i) values.push_back(described[i].delivered);
+      std::vector<FrameValue> values = described.delivered();
       for (const auto [setting, value] : stored_values(described, chosen)) values[setting] = value;
       return std::make_unique<FrameStreamDecoder>(frame_messages(description), description.escape, values);
     },

@@ -14,8 +14,8 @@ namespace {
 // Sample times are rounded to ns, so that a sample at the begin of a period may seem to precede it.
 constexpr Nanoseconds tolerance{1000};
 
-std::shared_ptr<const MessageLayout> layout_of(const FrameDescription& description,
-                                               const FrameDescription::Message& message) {
+std::shared_ptr<MessageLayout> layout_of(const FrameDescription& description,
+                                         const FrameDescription::Message& message) {
   if (message.text) return std::make_shared<TextLayout>(description, message);
   return std::make_shared<FrameLayout>(description, message);
 }
@@ -212,6 +212,7 @@ void FrameDevice::switch_messages() noexcept {
   for (Scheduled& one : scheduled_) {
     const FrameSwitch& by_settings = one.message.by_settings;
     one.is_on = by_settings.is_on(host_.values()) && host_.is_streaming();
+    one.message.layout->select(host_.values());
     if (!by_settings.rate) continue;
     const Nanoseconds period = by_settings.periods[host_.values()[*by_settings.rate]];
     if (period.count() == 0 || period == one.message.period) continue;

@@ -26,7 +26,7 @@ struct FrameMessage {
   Nanoseconds period = {};    // with the first sample of each period; 0: by the divider
   std::uint64_t divider = 1;  // with the samples of numbers phase + k * divider since the start
   std::vector<std::uint64_t> phases = {0};
-  std::shared_ptr<const MessageLayout> layout;
+  std::shared_ptr<MessageLayout> layout;  // each unit, decoder and seal selects its own optional elements
   FrameSwitch by_settings;
 };
 

@@ -69,6 +69,7 @@ FrameStreamDecoder::FrameStreamDecoder(std::vector<FrameMessage> messages, Frame
   for (const FrameMessage& message : messages)
     if (message.by_settings.is_always_on() && (most == nullptr || is_more_frequent(message, *most))) most = &message;
   for (const FrameMessage& message : messages) {
+    if (!values.empty()) message.layout->select(values);
     components_ |= message.layout->components();
     known_.push_back(
         {message, most != nullptr && message.by_settings.is_always_on() && !is_more_frequent(*most, message)});

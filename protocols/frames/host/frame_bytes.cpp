@@ -4,6 +4,7 @@
 
 #include "protocols/frames/host/frame_captures.hpp"
 #include "protocols/frames/layout/frame_compiler.hpp"
+#include "protocols/frames/layout/frame_parts.hpp"
 #include "protocols/wire/byte_text.hpp"
 #include "protocols/wire/number_text.hpp"
 
@@ -62,6 +63,8 @@ class FrameBytes::Parser {
         keep(word == "??" ? "_:1" : word);
       }
     }
+    if (std::string_view rest = text; !take_condition(rest).empty())
+      refuse_element("only a message has optional elements");
     if (text.starts_with('{')) return add_capture(text);
     if (text.starts_with("bits:") && text.find('{') != text.npos) return add_bits(text);
     const FrameElement parsed = parse_frame_element(text, message.is_big, description_.checks);

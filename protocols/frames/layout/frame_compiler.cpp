@@ -80,37 +80,21 @@ void FrameLayout::Compiler::compile() {
   if (faults_.empty()) check_sync();
   if (!faults_.empty()) throw FrameFaults(description_.file, std::move(faults_));
   out_.pattern_ = description_.start.pattern;
-  find_read_back();
+  set_increments();
+  out_.find_read_back();
   make_rows();
+  make_optional();
 }
 
-// Finds which quantities the message carries, and which of its clocks and counters has the longest round.
-void FrameLayout::Compiler::find_read_back() {
-  ReadBack read;
-  const auto longest = [this](std::optional<std::size_t>& best, std::size_t i) {
-    const auto round = [this](std::size_t one) {
-      const Field& field = out_.fields_[one];
-      const double values = field.period == 0 ? 0x1p64 : static_cast<double>(field.period);
-      return values * static_cast<double>(std::max<std::int64_t>(field.time_lsb_ns, 1));
-    };
-    if (!best || round(i) > round(*best)) best = i;
-  };
-  for (std::size_t i = 0; i < out_.fields_.size(); ++i) {
-    const Field& field = out_.fields_[i];
-    if (field.source == Source::alive_counter) longest(out_.alive_counter_, i);
-    if (field.source == Source::frame_counter) longest(out_.frame_counter_, i);
+void FrameLayout::Compiler::set_increments() noexcept {
+  for (Field& field : out_.fields_) {
     if (field.quantity == nullptr) continue;
-    if (field.quantity->kind == MeasuredQuantity::Kind::counter) longest(out_.counter_, i);
-    if (field.time_lsb_ns != 0) longest(out_.clock_, i);
     out_.has_increments_ |= field.quantity->is_increment;
-    out_.has_time_ |= field.quantity->kind == MeasuredQuantity::Kind::time;
     if (field.quantity->set == nullptr || field.modulus != 0) continue;
     ReadBack own;
     field.quantity->set(0, own);
-    out_.fields_[i].is_inertial = own.components != 0;
-    field.quantity->set(0, read);
+    field.is_inertial = own.components != 0;
   }
-  out_.components_ = read.components;
 }
 
 void FrameLayout::Compiler::constant(std::size_t offset, std::span<const std::byte> bytes) {
@@ -122,6 +106,7 @@ void FrameLayout::Compiler::constant(std::size_t offset, std::span<const std::by
 
 void FrameLayout::Compiler::place(FrameElement element, std::uint32_t line) {
   const std::size_t offset = out_.size();
+  const std::uint64_t needs = condition_of(element);
   std::size_t size = 0;
   switch (element.kind) {
     case Kind::label:
@@ -139,10 +124,13 @@ void FrameLayout::Compiler::place(FrameElement element, std::uint32_t line) {
     default:
       size = element.number.bytes;
   }
+  if (element.kind == Kind::padding && !out_.whole_.parts.empty())
+    refuse_element("the frame is no multiple: elements before it are optional");
   if (offset + size > 4 * FrameDescription::longest_frame) refuse_element("with this element the frame is too long");
   out_.template_.resize(offset + size);
   out_.constant_.resize(offset + size);
-  const Placed placed{std::move(element), line, offset};
+  const Placed placed{std::move(element), line, offset, needs};
+  if (needs != 0) out_.whole_.parts.push_back({offset, size, needs});
   if (placed.element.kind == Kind::constant) constant(offset, placed.element.bytes);
   if (placed.element.kind == Kind::padding) constant(offset, std::vector<std::byte>(size));
   if (placed.element.kind == Kind::field) add_field(placed);
@@ -215,6 +203,8 @@ void FrameLayout::Compiler::add_field(const Placed& placed) {
   field.source = element.source.kind;
   field.quantity = element.source.in.quantity;
   field.is_floor = element.is_floor;
+  field.name = out_.field_names_.size();
+  field.needs = placed.needs;
   using enum MeasuredQuantity::Kind;
   if (field.quantity == nullptr || field.quantity->kind == counter || field.quantity->kind == status)
     set_counting(field, element.source);
@@ -237,6 +227,8 @@ void FrameLayout::Compiler::add_bits(const Placed& placed) {
     field.quantity = bits.source.in.quantity;
     field.status_bits = bits.source.bits;
     field.is_inverse = bits.source.is_inverse;
+    field.name = out_.field_names_.size();
+    field.needs = placed.needs;
     if (field.source == Source::constant) {
       value |= bits.source.constant << bits.low;
       fixed |= low_bits(field.width) << bits.low;
@@ -274,13 +266,16 @@ FrameCheck::Range FrameLayout::Compiler::range(const FrameElement::Range& range,
 
 void FrameLayout::Compiler::resolve_length(const Placed& placed) {
   const FrameElement& element = placed.element;
-  const auto [from, to] = range(element.ranges[0], placed.offset);
+  const FrameCheck::Range over = range(element.ranges[0], placed.offset);
+  const auto [from, to] = over;
   if ((to - from) % element.divisor != 0)
     refuse_element("the range has " + std::to_string(to - from) + " bytes, which are no whole number of " +
                    std::to_string(element.divisor));
   const std::int64_t length = static_cast<std::int64_t>((to - from) / element.divisor) + element.plus;
   if (length < 0 || static_cast<std::uint64_t>(length) > low_bits(static_cast<unsigned>(8 * element.number.bytes)))
     refuse_element("the type does not hold the length, " + std::to_string(length));
+  require_sizes(placed, over);
+  out_.whole_.lengths.push_back({placed.offset, element.number, over, element.divisor, element.plus});
   constant(placed.offset, bytes_of(static_cast<std::uint64_t>(length), element.number));
 }
 
@@ -298,6 +293,8 @@ void FrameLayout::Compiler::resolve_check(const Placed& placed) {
   if (bytes % element.check->word_size() != 0)
     refuse_element("the range has " + std::to_string(bytes) + " bytes, which are no whole number of words of " +
                    std::to_string(8 * element.check->word_size()) + " bits");
+  for (const FrameCheck::Range& one : check.ranges)
+    require_whole(one, element.check->word_size(), "words of the check");
   out_.checks_.push_back(std::move(check));
 }
 

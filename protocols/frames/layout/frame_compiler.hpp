@@ -23,6 +23,7 @@ class FrameLayout::Compiler {
     FrameElement element;
     std::uint32_t line = 0;
     std::size_t offset = 0;
+    std::uint64_t needs = 0;  // bit of the condition of an optional element
   };
   void place(FrameElement element, std::uint32_t line);
   void add_field(const Placed& placed);
@@ -31,7 +32,11 @@ class FrameLayout::Compiler {
   void resolve_check(const Placed& placed);
   void order_checks();
   void check_sync();
-  void find_read_back();
+  std::uint64_t condition_of(const FrameElement& element);
+  void require_whole(const FrameCheck::Range& range, std::size_t bytes, const std::string& pieces) const;
+  void require_sizes(const Placed& length, const FrameCheck::Range& range);
+  void make_optional();
+  void set_increments() noexcept;
   void make_rows();
   void set_number(Field& field, const FrameElement& element);
   void set_counting(Field& field, const FrameSource& source) const;
@@ -39,6 +44,7 @@ class FrameLayout::Compiler {
   std::size_t place_of(const std::string& label) const;
   void give(const FrameDescription::Value& value, FrameTestValues& given) const;
   void test(const FrameDescription::Test& test);
+  void test_selected(const FrameDescription::Test& test);
   void copy_elements(FrameElement::Kind kind, std::span<const std::byte> from, std::span<std::byte> to) const;
   std::pair<std::size_t, std::vector<Row>::const_iterator> first_difference(std::span<const std::byte> got,
                                                                             std::span<const std::byte> wanted) const;
@@ -56,6 +62,7 @@ class FrameLayout::Compiler {
   FrameLayout& out_;
   const FrameDescription& description_;
   const FrameDescription::Message& message_;
+  std::optional<FrameSettings> settings_;  // made if an element is optional
   std::vector<Placed> placed_;
   std::map<std::string, std::size_t> labels_;
   std::vector<FrameFault> faults_;

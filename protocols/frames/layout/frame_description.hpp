@@ -49,6 +49,7 @@ struct FrameDescription {
   struct Test {
     Text frame;  // in hexadecimal, or the line of text
     std::vector<Value> values;
+    std::vector<FrameHostDescription::Choice> settings = {};  // with which it was sent; all others are as delivered
   };
   struct Message {
     std::string name;

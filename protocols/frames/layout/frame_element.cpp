@@ -218,10 +218,16 @@ void refuse_element(const std::string& fault) { throw std::invalid_argument(faul
 
 FrameElement parse_frame_element(std::string_view text, bool is_big, std::span<const FrameDescription::Check> own) {
   FrameElement element;
-  element.text = text;
   if (text.size() > FrameDescription::longest_element)
     refuse_element("an element has at most " + std::to_string(FrameDescription::longest_element) + " characters");
-  parse(element, trim(text), is_big, own);
+  text = trim(text);
+  element.condition = take_condition(text);
+  element.text = text;
+  parse(element, text, is_big, own);
+  using enum FrameElement::Kind;
+  if (!element.condition.empty() && element.kind != constant && element.kind != unused && element.kind != field &&
+      element.kind != bits)
+    refuse_element("only constants, _:N, numbers and bits are optional");
   return element;
 }
 

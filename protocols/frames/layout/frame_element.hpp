@@ -50,7 +50,8 @@ struct FrameElement {
   };
 
   Kind kind = Kind::constant;
-  std::string text;              // as in the file
+  std::string text;              // as in the file, without the condition
+  std::string condition;         // of an optional element, such as "MASK.3"; empty: it is always sent
   std::vector<std::byte> bytes;  // of a constant; of a check: the bytes that follow its ranges
   std::string label;             // without the @
   std::size_t count = 0;         // unused bytes; of padding the bytes of which the frame becomes a multiple

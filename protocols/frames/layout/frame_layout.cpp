@@ -282,10 +282,10 @@ FieldValue FrameLayout::field_value(const Field& field, std::uint64_t bits) noex
 }
 
 void FrameLayout::read_fields(std::span<const std::byte> frame, std::span<FieldValue> values) const noexcept {
-  for (std::size_t i = 0; i < fields_.size(); ++i) {
-    const Field& field = fields_[i];
+  if (!conditions_.empty()) std::ranges::fill(values, FieldValue());
+  for (const Field& field : fields_) {
     const std::uint64_t bits = load_number(field.number, frame.data() + field.offset) >> field.low;
-    values[i] = field_value(field, bits & low_bits(field.width));
+    values[field.name] = field_value(field, bits & low_bits(field.width));
   }
 }
 

@@ -22,7 +22,8 @@ class FrameLayout final : public MessageLayout {
   FrameLayout(const FrameDescription& description, const FrameDescription::Message& message);
 
   std::size_t size() const noexcept { return template_.size(); }  // bytes
-  std::size_t longest() const noexcept override { return size(); }
+  std::size_t longest() const noexcept override { return conditions_.empty() ? size() : whole_.bytes.size(); }
+  void select(std::span<const FrameValue> values) noexcept override;
   std::size_t carries() const noexcept override { return carries_; }
   Encoded encode(const Reading& reading, const State& state, std::span<double> carried,
                  std::span<std::byte> frame) const noexcept override {
@@ -60,6 +61,8 @@ class FrameLayout final : public MessageLayout {
     std::optional<std::size_t> carry;  // index in the remainders
     bool is_floor = false;             // rounded down
     bool is_inertial = false;          // a rate, specific force or increment
+    std::size_t name = 0;              // index in fields()
+    std::uint64_t needs = 0;           // bit of the condition under which it is sent; 0: always
   };
   struct Check {
     FrameCheck check;
@@ -70,8 +73,29 @@ class FrameLayout final : public MessageLayout {
     std::uint32_t line = 0;
     std::string text;
   };
+  // The layout with all elements, if some are optional. select() makes the other members from it.
+  struct Whole {
+    struct Part {  // an optional element
+      std::size_t offset = 0, size = 0;
+      std::uint64_t needs = 0;
+    };
+    struct Length {
+      std::size_t offset = 0;
+      FrameNumber number;
+      FrameCheck::Range range;
+      std::size_t divisor = 1;
+      std::int64_t plus = 0;
+    };
+    std::vector<std::byte> bytes, constant;
+    std::vector<Field> fields;
+    std::vector<Check> checks;
+    std::vector<Part> parts;  // in the order of the bytes
+    std::vector<Length> lengths;
+  };
   class Compiler;
 
+  // Finds which quantities the fields carry, and which of its clocks and counters has the longest round.
+  void find_read_back() noexcept;
   // Writes the frame; `given`, if not nullptr, has the values of quantities that are real numbers, in place of the
   // Reading's. Returns the number of fields that saturate.
   unsigned write(const Reading& reading, const State& state, const FrameTestValues* given, std::span<double> carried,
@@ -94,6 +118,8 @@ class FrameLayout final : public MessageLayout {
   std::vector<Check> checks_;  // a check whose range contains another one follows it
   std::byte pattern_{};        // while starting, in place of inertial fields; 0: none
   std::size_t carries_ = 0;
+  std::vector<FrameCondition> conditions_;  // of the optional elements, at most 64
+  Whole whole_;
 };
 
 }  // namespace imud

@@ -4,6 +4,7 @@
 #include <stdexcept>
 
 #include "core/numbers/nearest.hpp"
+#include "protocols/quantities/columns.hpp"
 #include "protocols/wire/number_text.hpp"
 
 namespace imud {
@@ -98,6 +99,13 @@ std::pair<double, double> take_scale(std::string_view& text) {
     offset = sign * take_fraction(text, "offset");
   }
   return {lsb, offset};
+}
+
+std::string_view take_condition(std::string_view& text) noexcept {
+  const std::string_view condition = text.substr(0, text.find('?'));
+  if (condition.size() == text.size() || condition.find_first_of(" \":@{") != condition.npos) return {};
+  text = trim(text.substr(condition.size() + 1));
+  return condition;
 }
 
 std::string label_in(std::string_view text) {

@@ -33,6 +33,9 @@ void check_modulus(const FrameSource& source);
 // offset.
 std::pair<double, double> take_scale(std::string_view& text);
 
+// Returns the condition of an optional element, without its "?", and removes it; empty if there is none.
+std::string_view take_condition(std::string_view& text) noexcept;
+
 // Reads "@FROM..", "@FROM..@TO" or "@FROM..@".
 FrameElement::Range range_in(std::string_view text);
 // Returns the label in "@LABEL".

@@ -26,6 +26,11 @@ std::string bytes_text(const FrameCheck::Range& range) {
 }  // namespace
 
 void FrameLayout::Compiler::make_rows() {
+  bool varies = false;  // the length of what precedes
+  const auto range_text = [this](const FrameElement::Range& one, std::size_t own) {
+    if (out_.conditions_.empty()) return bytes_text(range(one, own));
+    return " @" + one.from + ".." + (one.to.empty() && !one.is_to_end ? "" : "@" + one.to);
+  };
   for (const Placed& placed : placed_) {
     const FrameElement& element = placed.element;
     Row row{placed.offset, element.number.bytes, type_text(element.number), "", "", element.text};
@@ -55,11 +60,11 @@ void FrameLayout::Compiler::make_rows() {
         break;
       case Kind::check:
         row.name = "check " + element.text.substr(6, element.text.find(':', 6) - 6) + " of";
-        for (const FrameElement::Range& text : element.ranges) row.name += bytes_text(range(text, placed.offset));
+        for (const FrameElement::Range& text : element.ranges) row.name += range_text(text, placed.offset);
         if (!element.bytes.empty()) row.name += ", then of " + short_hex_text(element.bytes);
         break;
       case Kind::length:
-        row.name = "length of" + bytes_text(range(element.ranges[0], placed.offset));
+        row.name = "length of" + range_text(element.ranges[0], placed.offset);
         if (element.divisor != 1) row.name += ", divided by " + std::to_string(element.divisor);
         if (element.plus != 0)
           row.name += (element.plus < 0 ? ", - " : ", + ") + std::to_string(std::abs(element.plus));
@@ -68,6 +73,9 @@ void FrameLayout::Compiler::make_rows() {
         row.name = element.text;
         break;
     }
+    if (varies) row.offset.reset();
+    varies |= placed.needs != 0;
+    if (placed.needs != 0) row.remark += ", if " + element.condition;
     out_.rows_.push_back(std::move(row));
   }
 }

@@ -124,6 +124,9 @@ void FrameLayout::Compiler::test() {
 
 void FrameLayout::Compiler::test(const FrameDescription::Test& test) {
   const auto& [text, line] = test.frame;
+  if (!out_.conditions_.empty()) return test_selected(test);
+  if (!test.settings.empty())
+    return fault(line, "test_settings", "no element is optional, so that settings do not change the frame");
   const auto wanted = hex_bytes_in(text);
   if (!wanted) return fault(line, "test_frame", "must be bytes in hexadecimal, such as \"AA 55 01\"");
   FrameTestValues given;

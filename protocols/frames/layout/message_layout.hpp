@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "protocols/frames/layout/frame_fields.hpp"
+#include "protocols/frames/layout/frame_settings.hpp"
 #include "protocols/measurements/measured_quantities.hpp"
 
 namespace imud {
@@ -20,11 +21,14 @@ class MessageLayout {
   virtual ~MessageLayout() = default;
 
   virtual std::size_t longest() const noexcept = 0;  // bytes of the longest frame
-  // Returns true if the message depends on the increments of the Reading.
+  // Chooses the optional elements that frames have with these values of all settings; until it is called, the values
+  // as delivered. All other functions follow, but for longest(), fields() and rows(), which are of all elements.
+  virtual void select(std::span<const FrameValue> values) noexcept { static_cast<void>(values); }
+  // Returns true if the message, or an element that is not selected, depends on the increments of the Reading.
   bool has_increments() const noexcept { return has_increments_; }
   // Returns true if the message carries the sensor's clock.
   bool has_time() const noexcept { return has_time_; }
-  // Returns the number of fields whose remainder is carried.
+  // Returns the number of fields whose remainder is carried, in all elements.
   virtual std::size_t carries() const noexcept = 0;
   // The components that the message carries, as in ReadBack.
   std::uint32_t components() const noexcept { return components_; }
@@ -55,8 +59,7 @@ class MessageLayout {
 
   // Returns true if its frames have a check.
   virtual bool has_check() const noexcept = 0;
-  // Writes the checks of a whole frame, whatever they are. Returns false, and writes nothing, if the bytes are no
-  // such frame but for its checks, or if it has none.
+  // Writes the checks of a whole frame, whatever they are. Returns false, and writes nothing, if the bytes are no such frame but for its checks, or if it has none.
   virtual bool reseal(std::span<std::byte> frame) const noexcept = 0;
 
   // The number that a frame has for a clock or a counter, and the number of values after which it begins again; 0:

@@ -190,6 +190,8 @@ void TextLayout::Compiler::test(const FrameDescription::Test& test, std::vector<
   const auto fault = [&](std::uint32_t line, const std::string& key, std::string what) {
     faults.push_back({line, where_in(message_, key), std::move(what)});
   };
+  if (!test.settings.empty())
+    return fault(test.frame.line, "test_settings", "settings do not change a line; a part may be left out by ?");
   FrameTestValues given;
   if (!give_test_values(
           test.values, [&](const FrameDescription::Value& value) { give(value, given); }, fault))

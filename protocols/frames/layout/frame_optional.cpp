@@ -1,0 +1,98 @@
+// The optional elements of a message: their conditions, their faults, and the tests of their frames.
+#include <algorithm>
+
+#include "protocols/frames/layout/frame_compiler.hpp"
+#include "protocols/frames/layout/frame_parts.hpp"
+
+namespace imud {
+
+// Returns the bit of the element's condition; 0 if it has none.
+std::uint64_t FrameLayout::Compiler::condition_of(const FrameElement& element) {
+  if (element.condition.empty()) return 0;
+  if (!settings_) settings_.emplace(description_);
+  if (!settings_->faults().empty()) return 0;  // which are reported where settings are read
+  FrameCondition condition = settings_->condition(element.condition);
+  const auto found = std::ranges::find(out_.conditions_, condition);
+  const auto index = static_cast<unsigned>(found - out_.conditions_.begin());
+  if (found == out_.conditions_.end()) {
+    if (index == 64) refuse_element("there are more than 64 different conditions");
+    out_.conditions_.push_back(std::move(condition));
+  }
+  return std::uint64_t{1} << index;
+}
+
+// Refuses elements that are sent together, and change the size of the range by no whole number of pieces.
+void FrameLayout::Compiler::require_whole(const FrameCheck::Range& range, std::size_t bytes,
+                                          const std::string& pieces) const {
+  for (std::size_t i = 0; i < out_.conditions_.size(); ++i) {
+    std::size_t size = 0;
+    for (const Whole::Part& part : out_.whole_.parts)
+      if (part.needs == std::uint64_t{1} << i && part.offset >= range.first && part.offset < range.second)
+        size += part.size;
+    if (size % bytes != 0)
+      refuse_element("the elements of one condition have " + std::to_string(size) +
+                     " bytes, which are no whole number of " + pieces);
+  }
+}
+
+// Refuses a length that is negative without the optional elements.
+void FrameLayout::Compiler::require_sizes(const Placed& length, const FrameCheck::Range& range) {
+  const FrameElement& element = length.element;
+  require_whole(range, element.divisor, "pieces of " + std::to_string(element.divisor) + " bytes");
+  std::size_t least = range.second - range.first;
+  for (const Whole::Part& part : out_.whole_.parts)
+    if (part.offset >= range.first && part.offset < range.second) least -= part.size;
+  if (static_cast<std::int64_t>(least / element.divisor) + element.plus < 0)
+    refuse_element("the length is negative without the optional elements");
+}
+
+// Keeps the whole layout, and selects the elements that are sent as delivered.
+void FrameLayout::Compiler::make_optional() {
+  if (out_.conditions_.empty()) return;
+  Whole& whole = out_.whole_;
+  const auto covers = [&](const Whole::Length& length) {
+    return std::ranges::all_of(whole.parts, [&](const Whole::Part& part) {
+      return part.offset >= length.range.first && part.offset + part.size <= length.range.second;
+    });
+  };
+  if (out_.checks_.empty() && description_.escape == FrameEscape::none && std::ranges::none_of(whole.lengths, covers))
+    throw FrameFaults(
+        description_.file,
+        {{message_.line, where_in(message_, "layout"),
+          "a decoder cannot see whether the optional elements are there: give a length of them, or a check"}});
+  whole.bytes = out_.template_;
+  whole.constant = out_.constant_;
+  whole.fields = out_.fields_;
+  whole.checks = out_.checks_;
+  out_.select(settings_->delivered());
+}
+
+// Compiles the message of the elements that are sent with the settings of the test, and tests that.
+void FrameLayout::Compiler::test_selected(const FrameDescription::Test& test) {
+  std::vector<FrameValue> values = settings_->delivered();
+  for (const FrameHostDescription::Choice& choice : test.settings) try {
+      const std::size_t setting = settings_->at(choice.setting);
+      values[setting] = settings_->value_at(setting, choice.values.front());
+    } catch (const std::invalid_argument& error) {
+      return fault(choice.line, "test_settings", error.what());
+    }
+  FrameDescription::Message sent = message_;
+  sent.layout.clear();
+  for (const Placed& placed : placed_) {
+    const auto is_needed = [&](const FrameCondition& one) {
+      return placed.needs >> (&one - out_.conditions_.data()) & 1U;
+    };
+    const auto condition = std::ranges::find_if(out_.conditions_, is_needed);
+    if (condition == out_.conditions_.end() || condition->allows(values[condition->setting]))
+      sent.layout.push_back({placed.element.text, placed.line});
+  }
+  sent.tests = {test};
+  sent.tests.front().settings.clear();
+  try {
+    static_cast<void>(FrameLayout(description_, sent));
+  } catch (const FrameFaults& error) {
+    faults_.insert(faults_.end(), error.faults.begin(), error.faults.end());
+  }
+}
+
+}  // namespace imud
