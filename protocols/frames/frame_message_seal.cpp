@@ -10,8 +10,13 @@ FrameMessageSeal::FrameMessageSeal(std::vector<FrameMessage> messages, FrameEsca
 
 std::span<std::byte> FrameMessageSeal::reseal(std::span<std::byte> frame, const CanHeader&) noexcept {
   for (const FrameMessage& message : messages_) {
+    const MessageLayout& layout = *message.layout;
+    if (!layout.reseal(frame)) continue;
+    // The numbers of a frame with other optional elements are not known.
+    const auto [match, size] = layout.match(frame);
+    const bool is_known = match == MessageLayout::Match::yes && size == frame.size();
     ReadBack read;
-    if (message.layout->reseal(frame)) return message.layout->decode(frame, read) ? frame : std::span<std::byte>();
+    return !is_known || layout.decode(frame, read) ? frame : std::span<std::byte>();
   }
   return {};
 }

@@ -94,6 +94,7 @@ class FrameLayout final : public MessageLayout {
   };
   class Compiler;
 
+  bool reseal_any(std::span<std::byte> frame) const noexcept;
   // Finds which quantities the fields carry, and which of its clocks and counters has the longest round.
   void find_read_back() noexcept;
   // Writes the frame; `given`, if not nullptr, has the values of quantities that are real numbers, in place of the

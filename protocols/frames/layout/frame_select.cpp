@@ -57,6 +57,54 @@ void FrameLayout::select(std::span<const FrameValue> values) noexcept {
   find_read_back();
 }
 
+// Which elements there are between the first and the last optional one is not known, but what precedes and follows
+// these has its place from the begin and from the end of the frame.
+bool FrameLayout::reseal_any(std::span<std::byte> frame) const noexcept {
+  const std::size_t size = whole_.bytes.size(), first = whole_.parts.front().offset,
+                    last = whole_.parts.back().offset + whole_.parts.back().size;
+  if (checks_.empty() || frame.size() < first + (size - last) || frame.size() > size) return false;
+  const auto place = [&](std::size_t offset) -> std::optional<std::size_t> {
+    if (offset <= first) return offset;
+    return offset >= last ? std::optional(offset - size + frame.size()) : std::nullopt;
+  };
+  const auto has_constants = [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      const bool is_length = std::ranges::any_of(whole_.lengths, [i](const Whole::Length& one) {
+        return i >= one.offset && i < one.offset + one.number.bytes;
+      });
+      if (!is_length && ((frame[*place(i)] ^ whole_.bytes[i]) & whole_.constant[i]) != std::byte{0}) return false;
+    }
+    return true;
+  };
+  if (!has_constants(0, first) || !has_constants(last, size)) return false;
+  for (const Whole::Length& one : whole_.lengths) {
+    const auto at = place(one.offset), from = place(one.range.first), to = place(one.range.second);
+    if (!at || !from || !to) return false;
+    const auto length = static_cast<std::int64_t>((*to - *from) / one.divisor) + one.plus;
+    if (load_number(one.number, frame.data() + *at) != static_cast<std::uint64_t>(length)) return false;
+  }
+  constexpr std::size_t most_ranges = 16;
+  std::array<FrameCheck::Range, most_ranges> ranges;
+  const auto set_ranges = [&](const Check& one) {
+    for (std::size_t k = 0; k < one.ranges.size(); ++k) {
+      const auto from = place(one.ranges[k].first), to = place(one.ranges[k].second);
+      if (!from || !to || *from > *to) return false;
+      ranges[k] = {*from, *to};
+    }
+    return true;
+  };
+  for (const Check& one : whole_.checks)
+    if (one.ranges.size() > most_ranges || !place(one.offset) || !set_ranges(one)) return false;
+  for (const Check& one : whole_.checks) {
+    set_ranges(one);
+    const std::span<const FrameCheck::Range> all = std::span(ranges).first(one.ranges.size());
+    store_number(one.check.of(frame, all, one.extra, one.is_big),
+                 {FrameNumber::Format::unsigned_integer, one.check.size(), one.is_big},
+                 frame.data() + *place(one.offset));
+  }
+  return true;
+}
+
 void FrameLayout::find_read_back() noexcept {
   ReadBack read;
   clock_ = counter_ = alive_counter_ = frame_counter_ = std::nullopt;

@@ -59,7 +59,8 @@ class MessageLayout {
 
   // Returns true if its frames have a check.
   virtual bool has_check() const noexcept = 0;
-  // Writes the checks of a whole frame, whatever they are. Returns false, and writes nothing, if the bytes are no such frame but for its checks, or if it has none.
+  // Writes the checks of a whole frame, whatever they are and whichever optional elements it has. Returns false, and
+  // writes nothing, if the bytes are no such frame but for its checks, or if it has none.
   virtual bool reseal(std::span<std::byte> frame) const noexcept = 0;
 
   // The number that a frame has for a clock or a counter, and the number of values after which it begins again; 0:

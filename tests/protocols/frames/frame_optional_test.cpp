@@ -177,6 +177,32 @@ TEST(FrameOptional, ADecoderHasTheSettingsThatItIsGiven) {
   EXPECT_GT(skipped, 500);
 }
 
+// The checks of frames with any elements are written again, whatever the settings of the seal are.
+TEST(FrameOptional, FramesAreSealed) {
+  const std::string file = optional_file(R"("3A", "@h", "length:u8:@d..@e", "@d", "MASK.0? rate_x_rad_per_s:f32",
+      "MASK.1? temperature_c:i16", "alive_counter:u8", "@e", "check:sum8:@h..@e", "0A")");
+  const auto seal = make_seal(protocol_named("frame"), with_mask(file, 3));
+  ASSERT_NE(seal, nullptr);
+  for (unsigned mask = 0; mask < 4; ++mask) {
+    Line line(protocol_named("frame"), with_mask(file, mask));
+    const std::vector<std::byte> good = bytes_of(line, moving(1));
+    std::vector<std::byte> frame = good;
+    frame[frame.size() - 2] ^= std::byte{0x55};  // the check
+    ASSERT_EQ(seal->reseal(frame, {}).size(), good.size()) << mask;
+    EXPECT_EQ(frame, good);
+    frame[frame.size() - 3] ^= std::byte{1};  // the counter
+    ASSERT_FALSE(seal->reseal(frame, {}).empty());
+    Recording recording;
+    line.decoder->feed({frame}, recording);
+    EXPECT_EQ(recording.measurements.size(), 1U);
+    for (const std::size_t constant : {std::size_t{0}, std::size_t{1}, frame.size() - 1}) {
+      std::vector<std::byte> wrong = good;
+      wrong[constant] ^= std::byte{1};
+      EXPECT_TRUE(seal->reseal(wrong, {}).empty()) << constant;
+    }
+  }
+}
+
 TEST(FrameOptional, ConditionsAreBitsAndValues) {
   const std::string file =
       "frame_version = 1\nname = \"t\"\n[setting]\nFORM = [\"A\", \"B\", \"C\"]\nFLAGS = {values = [\"none\", "
