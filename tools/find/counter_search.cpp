@@ -185,64 +185,86 @@ double suggested_rate(const FoundFrames& found) {
   return 0;
 }
 
-void find_lengths(std::vector<FoundMessage>& messages) {
-  constexpr std::size_t last_place = 16;
-  const auto value = [](const FoundMessage& message, std::size_t at, std::size_t size, bool is_big) {
-    return number_at(message.usual, at, size, is_big);
-  };
-  const auto is_possible = [&](const FoundMessage& message, std::size_t at, std::size_t size) {
-    if (at + size > std::min(last_place, message.length)) return false;
-    for (const FoundCheck& check : message.checks)
-      if (at < check.at + check.size && check.at < at + size) return false;
-    // A length stands near the beginning: all before it is constant, but for a check.
-    for (std::size_t i = 0; i < at; ++i) {
-      const bool is_check = std::ranges::any_of(
-          message.checks, [i](const FoundCheck& check) { return i >= check.at && i < check.at + check.size; });
-      if (!message.constant[i] && !is_check) return false;
+namespace {
+
+constexpr std::size_t last_length_place = 16;
+
+std::uint64_t length_at(const FoundMessage& message, const FoundLength& length) {
+  return number_at(message.usual, length.at, length.size, length.is_big);
+}
+
+// A length stands near the beginning: all before it is constant, but for a check. It is no part of a check.
+bool may_be_length(const FoundMessage& message, const FoundLength& length) {
+  const std::size_t end = length.at + length.size;
+  if (end > std::min(last_length_place, message.length)) return false;
+  for (std::size_t i = 0; i < end; ++i) {
+    const bool is_check = std::ranges::any_of(
+        message.checks, [i](const FoundCheck& check) { return i >= check.at && i < check.at + check.size; });
+    if (i >= length.at ? is_check || !message.constant[i] : !is_check && !message.constant[i]) return false;
+  }
+  return true;
+}
+
+// Finds the bytes that a length counts, the most usual ones first: those behind the length, and behind a check or two
+// that follow it, up to a check or the end; then the whole frame; then others. Returns how usual they are, 0 if there
+// are none.
+int find_counted(const FoundMessage& message, FoundLength& length) {
+  const std::uint64_t counted = length_at(message, length);
+  std::vector<std::size_t> ends = {message.length}, behind = {length.at + length.size};
+  for (const FoundCheck& check : message.checks) {
+    ends.push_back(check.at);
+    if (check.at == behind.back()) behind.push_back(check.at + check.size);
+    for (const auto& [begin, end] : check.ranges_of(check.forms.front())) {
+      if (end > check.at) ends.push_back(end);
+      if (begin > length.at + length.size) behind.push_back(begin);
     }
-    return std::all_of(message.constant.begin() + static_cast<std::ptrdiff_t>(at),
-                       message.constant.begin() + static_cast<std::ptrdiff_t>(at + size),
-                       [](bool one) { return one; });
+  }
+  const auto is_from = [&](std::size_t from) {
+    for (const std::size_t to : ends)
+      if (from < to && to - from == counted) {
+        length.from = from;
+        length.to = to;
+        return true;
+      }
+    return false;
   };
-  bool differ = false;
-  for (const FoundMessage& message : messages) differ |= message.length != messages.front().length;
+  if (std::ranges::any_of(behind, is_from)) return 3;
+  if (is_from(0)) return 2;
+  for (std::size_t from = 1; from <= std::min<std::size_t>(length.at, 4); ++from)
+    if (is_from(from)) return 1;
+  return is_from(length.at) ? 1 : 0;
+}
+
+}  // namespace
+
+void find_lengths(std::vector<FoundMessage>& messages) {
+  if (messages.empty()) return;
+  const FoundMessage& first = messages.front();
+  const bool differ =
+      std::ranges::any_of(messages, [&](const FoundMessage& message) { return message.length != first.length; });
+  int best = 0;
   for (const std::size_t size : {2U, 1U})
-    for (std::size_t at = 1; at + size <= last_place; ++at)
+    for (std::size_t at = 1; at + size <= last_length_place; ++at)
       for (const bool is_big : {false, true}) {
-        if ((size == 1 && is_big) || messages.empty() || messages.front().length_field) continue;
-        if (!is_possible(messages.front(), at, size)) continue;
-        bool is_same = true;
-        const std::int64_t plus = static_cast<std::int64_t>(value(messages.front(), at, size, is_big)) -
-                                  static_cast<std::int64_t>(messages.front().length);
-        for (const FoundMessage& message : messages)
-          is_same = is_same && is_possible(message, at, size) &&
-                    static_cast<std::int64_t>(value(message, at, size, is_big)) -
-                            static_cast<std::int64_t>(message.length) ==
-                        plus;
-        if (!is_same || plus > 0) continue;
+        FoundLength length{at, size, is_big, 0, first.length, 0, differ};
+        if ((size == 1 && is_big) || !may_be_length(first, length)) continue;
+        const auto plus_of = [&](const FoundMessage& message) {
+          return static_cast<std::int64_t>(length_at(message, length)) - static_cast<std::int64_t>(message.length);
+        };
+        const std::int64_t plus = plus_of(first);
+        if (plus > 0 || !std::ranges::all_of(messages, [&](const FoundMessage& message) {
+              return may_be_length(message, length) && plus_of(message) == plus;
+            }))
+          continue;
         // With one length alone, the number must be the size of a part of the frame.
+        const int usual = find_counted(first, length) + (differ ? 4 : 0);
+        if (usual <= best) continue;
+        best = usual;
         for (FoundMessage& message : messages) {
-          FoundLength length{at, size, is_big, 0, message.length, 0, differ};
-          const auto missing = static_cast<std::size_t>(-plus);
-          const std::size_t end = at + size;
-          std::vector<std::size_t> ends = {message.length};
-          std::vector<std::size_t> begins = {0, at, end};
-          for (const FoundCheck& check : message.checks) {
-            if (check.at + check.size == message.length) ends.push_back(check.at);
-            if (check.at == end) begins.push_back(end + check.size);
-          }
-          for (std::size_t header = 1; header <= std::min<std::size_t>(at, 4); ++header) begins.push_back(header);
-          bool is_part = false;
-          for (const std::size_t to : ends)
-            for (const std::size_t from : begins)
-              if (!is_part && from < to && to - from == message.length - missing) {
-                is_part = true;
-                length.from = from;
-                length.to = to;
-              }
-          if (!is_part && !differ) continue;
-          if (!is_part) length.plus = plus;
           message.length_field = length;
+          if (find_counted(message, *message.length_field) != 0) continue;
+          message.length_field->to = message.length;
+          message.length_field->plus = plus;
         }
       }
 }

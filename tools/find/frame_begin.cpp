@@ -36,7 +36,7 @@ bool is_header(std::byte byte, bool follows_check) {
   return follows_check ? byte != std::byte{0} : !is_high_byte(byte);
 }
 
-// What speaks for a beginning: larger is better.
+// The evidence for a beginning: larger is better.
 struct Rating {
   double inside = 0;  // bytes of checks in the frame, by their shares
   double looks = 0;

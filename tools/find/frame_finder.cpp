@@ -6,6 +6,7 @@
 
 #include "tools/checks/crc_solver.hpp"
 #include "tools/find/frame_begin.hpp"
+#include "tools/find/header_checks.hpp"
 #include "tools/find/message_types.hpp"
 
 namespace imud {
@@ -191,7 +192,6 @@ std::vector<FoundMessage> messages_of(const Trial& trial, std::size_t kind, Stre
       std::fill_n(is_checked.begin() + static_cast<std::ptrdiff_t>(inside->at), inside->size, true);
       checks.push_back(std::move(*inside));
     }
-  std::ranges::sort(checks, {}, &FoundCheck::at);
   std::vector<FoundMessage> messages;
   for (auto& of_type : divide_by_type(frames, length, is_checked, stream)) {
     FoundMessage message;
@@ -199,6 +199,8 @@ std::vector<FoundMessage> messages_of(const Trial& trial, std::size_t kind, Stre
     message.frames = std::move(of_type);
     find_constants(message, stream);
     message.checks = checks;
+    for (FoundCheck& check : find_header_checks(message, stream)) message.checks.push_back(std::move(check));
+    std::ranges::sort(message.checks, {}, &FoundCheck::at);
     find_header(message);
     message.counters = find_counters(message, stream, joint);
     messages.push_back(std::move(message));

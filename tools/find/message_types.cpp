@@ -55,7 +55,7 @@ std::vector<unsigned> types_at(Places frames, std::size_t at, Stream stream) {
 
 using Counts = std::array<std::size_t, 256>;
 
-// The number of frames that have the most frequent value of a byte among those of their label.
+// The number of frames that have the most frequent value of a byte among the frames of their label.
 std::size_t alike(Places frames, std::size_t at, std::span<const unsigned> labels, Stream stream) {
   std::map<unsigned, Counts> by_label;
   for (std::size_t i = 0; i < frames.size(); ++i) ++by_label[labels[i]][value_at(stream, frames[i], at)];

@@ -1,10 +1,12 @@
 // Layouts of frames that are found only with care: several checks, terminators, messages of one length.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
 
 #include "tests/tools/find/find_unit.hpp"
 #include "tools/find/frame_finder.hpp"
+#include "tools/find/header_checks.hpp"
 #include "tools/find/message_types.hpp"
 
 namespace imud {
@@ -97,6 +99,81 @@ TEST(FindLayouts, OneByteIsHeaderOrTerminator) {
   const auto open = find_frames(cut);
   ASSERT_TRUE(open);
   EXPECT_FALSE(open->other_begins.empty());
+}
+
+std::string check_text(const FoundCheck& check) {
+  std::string text = fmt::format("{} at {} of", check.forms.front().name, check.at);
+  for (const auto& [begin, end] : check.ranges_of(check.forms.front()))
+    if (begin != end) text += fmt::format(" {}-{}", begin, end - 1);
+  return text;
+}
+
+// The header has a check of its own, in which the sequence alone changes, and the length counts the data.
+TEST(FindLayouts, HeadersHaveChecksOfTheirOwn) {
+  for (const bool is_damaged : {false, true}) {
+    const Capture capture = layout_capture(fdilink_imu, 1000);
+    const auto found = find_frames(is_damaged ? damaged(capture, 25) : capture.bytes);
+    ASSERT_TRUE(found);
+    ASSERT_EQ(found->messages.size(), 1U);
+    const FoundMessage& message = found->messages[0];
+    ASSERT_EQ(message.checks.size(), 2U);
+    EXPECT_EQ(check_text(message.checks[0]), "crc8/maxim-dow at 4 of 0-3");
+    EXPECT_EQ(check_text(message.checks[1]), "crc16/xmodem at 5 of 7-62");
+    ASSERT_TRUE(message.length_field);
+    EXPECT_EQ(message.length_field->at, 2U);
+    EXPECT_EQ(message.length_field->from, 7U);
+    EXPECT_EQ(message.length_field->to, 63U);
+  }
+}
+
+// A type that is as large as the frame is long is not taken for the length, which counts the bytes behind it.
+TEST(FindLayouts, LengthsCountTheBytesBehindThem) {
+  struct Wanted {
+    std::string_view layout;
+    std::size_t at, from, to;
+  };
+  for (const auto& [layout, at, from, to] :
+       {Wanted{lpms_data, 5, 7, 35},
+        Wanted{"FA\n@a\nFF "
+               "16\nlength:u8:@p..@q\n@p\nsample_counter:u16\nrate_x_deg_per_s:f32\nrate_y_deg_per_s:f32\nrate_z_deg_"
+               "per_s:f32\n_:2\n@q\ncheck:-sum8:@a..@q",
+               3, 4, 20},
+        Wanted{"02\n@a\n00 "
+               "40\nlength:u8:@p..@q\n@p\nalive_counter:u8\nrate_x_deg_per_s:f32\nrate_y_deg_per_s:f32\n@q\ncheck:"
+               "sum8:@a..@q\n03",
+               3, 4, 13}}) {
+    SCOPED_TRACE(layout);
+    const auto found = find_frames(layout_capture(layout, 600).bytes);
+    ASSERT_TRUE(found);
+    ASSERT_EQ(found->messages.size(), 1U);
+    const auto& length = found->messages[0].length_field;
+    ASSERT_TRUE(length);
+    EXPECT_EQ(length->at, at);
+    EXPECT_EQ(length->from, from);
+    EXPECT_EQ(length->to, to);
+  }
+}
+
+// Bytes at random, counters and copies of them in a header are no check.
+TEST(FindLayouts, FindsNoHeaderChecksInRandomBytes) {
+  for (unsigned seed = 1; seed <= 20; ++seed) {
+    std::mt19937_64 random(seed);
+    FoundMessage message;
+    message.length = 24;
+    const std::size_t count = seed % 2 == 0 ? 40 : 1000;
+    std::vector<std::byte> stream = random_bytes(message.length * count, random);
+    for (std::size_t k = 0; k < count; ++k) {
+      message.frames.push_back({k * message.length, k > 0});
+      const std::size_t at = k * message.length;
+      stream[at] = std::byte{0x5A};
+      stream[at + 1] = static_cast<std::byte>(k);  // a counter, its copy, its complement, one twice as fast,
+      stream[at + 2] = static_cast<std::byte>(k);  // and one of four values
+      stream[at + 3] = static_cast<std::byte>(~k);
+      stream[at + 4] = static_cast<std::byte>(2 * k);
+      stream[at + 5] = static_cast<std::byte>(k % 4);
+    }
+    EXPECT_TRUE(find_header_checks(message, stream).empty()) << seed;
+  }
 }
 
 // Four messages 55 51 to 55 54 of 11 bytes.
