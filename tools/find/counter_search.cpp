@@ -1,6 +1,7 @@
 // The numbers of a frame that follow from its place in the stream, or from its length.
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <map>
 #include <tuple>
 
@@ -40,19 +41,47 @@ std::uint64_t value_at(Stream frame, const Number& number) {
   return number_at(frame, number.at, number.size, number.is_big);
 }
 
-std::optional<FoundCounter> integer_counter(const Number& number, const Pairs& pairs) {
+// The steps of a number that counts: one, or two neighbours, if the period is no whole number of units.
+struct Steps {
+  std::uint64_t low = 0, high = 0;
+  double mean = 0, share = 0;
+  bool has(std::uint64_t step) const { return step == low || step == high; }
+};
+
+std::optional<Steps> steps_of(const Number& number, const Pairs& pairs) {
   const std::uint64_t mask = low_bits(static_cast<unsigned>(8 * number.size));
-  std::map<std::uint64_t, std::size_t> steps;
-  for (const auto& [one, other] : pairs) ++steps[(value_at(other, number) - value_at(one, number)) & mask];
-  const auto most = std::ranges::max_element(steps, {}, [](const auto& step) { return step.second; });
+  std::map<std::uint64_t, std::size_t> counts;
+  for (const auto& [one, other] : pairs) ++counts[(value_at(other, number) - value_at(one, number)) & mask];
+  const auto most = std::ranges::max_element(counts, {}, [](const auto& step) { return step.second; });
+  const auto all = static_cast<double>(pairs.size());
+  const auto count = [&](std::uint64_t step) {
+    const auto known = counts.find(step);
+    return known == counts.end() ? 0.0 : static_cast<double>(known->second);
+  };
   const std::uint64_t step = most->first;
-  const double share = static_cast<double>(most->second) / static_cast<double>(pairs.size());
+  Steps found{step, step, static_cast<double>(step), count(step) / all};
+  if (found.share < steady_share && step > 0) {
+    found.low = step > 1 && count(step - 1) > count(step + 1) ? step - 1 : step;
+    found.high = found.low + 1;
+    const double both = count(found.low) + count(found.high);
+    found.mean = static_cast<double>(found.low) + count(found.high) / both;
+    found.share = both / all;
+  }
   // A step without a change of the lowest byte belongs to a shorter number.
-  if (step == 0 || (step & 0xFFU) == 0 || step > mask / 2 || share < steady_share) return std::nullopt;
+  if (found.low == 0 || (found.low == found.high && (step & 0xFFU) == 0) || step > mask / 2 ||
+      found.share < steady_share)
+    return std::nullopt;
+  return found;
+}
+
+std::optional<FoundCounter> integer_counter(const Number& number, const Pairs& pairs) {
+  const auto steps = steps_of(number, pairs);
+  if (!steps) return std::nullopt;
+  const std::uint64_t mask = low_bits(static_cast<unsigned>(8 * number.size));
   std::uint64_t highest = 0;
   for (const auto& [one, other] : pairs) {
     const std::uint64_t a = value_at(one, number), b = value_at(other, number);
-    if (((b - a) & mask) == step) highest = std::max({highest, a, b});
+    if (steps->has((b - a) & mask)) highest = std::max({highest, a, b});
   }
   // Bytes belong together if the higher ones step where the lower ones begin again: two counters side by side do not.
   for (std::size_t count = 1; count < number.size; ++count) {
@@ -62,12 +91,14 @@ std::optional<FoundCounter> integer_counter(const Number& number, const Pairs& p
       const std::uint64_t a = value_at(one, number), b = value_at(other, number);
       if ((b & low) >= (a & low)) continue;
       ++carries;
-      right += ((b - a) & mask) == step;
+      right += steps->has((b - a) & mask);
     }
     if (carries == 0 || 2 * right < carries) return std::nullopt;
   }
-  FoundCounter found{number.at, number.size, number.is_big, false, static_cast<double>(step), 0, share, highest};
+  FoundCounter found{number.at, number.size, number.is_big, false, steps->mean, 0, steps->share, highest};
+  if (steps->low != steps->high) return found;
   // Where it begins again before the type ends, it steps back by the modulus less the step.
+  const std::uint64_t step = steps->low;
   std::map<std::uint64_t, std::size_t> falls;
   for (const auto& [one, other] : pairs) {
     const std::uint64_t a = value_at(one, number), b = value_at(other, number);
@@ -151,6 +182,16 @@ std::vector<FoundCounter> find_counters(const FoundMessage& message, Stream stre
           if (const auto found = float_clock({at, size, is_big, true}, pairs)) all.push_back(*found);
         if (const auto found = integer_counter({at, size, is_big, false}, pairs)) all.push_back(*found);
       }
+  // Low bytes of an integer in the high places of a float step evenly, too, but not where they begin again.
+  std::vector<FoundCounter> integers;
+  std::ranges::copy_if(all, std::back_inserter(integers), [](const FoundCounter& one) { return !one.is_float; });
+  std::erase_if(all, [&](const FoundCounter& one) {
+    constexpr double steadier = 0.02;
+    return one.is_float && std::ranges::any_of(integers, [&](const FoundCounter& other) {
+             return other.at < one.at + one.size && one.at < other.at + other.size &&
+                    other.share > one.share + steadier;
+           });
+  });
   // The longest numbers, and of these the steadiest ones.
   std::ranges::stable_sort(all, [](const FoundCounter& a, const FoundCounter& b) {
     return std::tuple(a.size, a.share) > std::tuple(b.size, b.share);

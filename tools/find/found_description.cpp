@@ -27,6 +27,16 @@ std::string order_text(std::size_t size, bool is_big) { return size == 1 ? "" : 
 
 std::string power_text(double log2) { return fmt::format("1 in 2^{:.0f}", std::max(0.0, -log2)); }
 
+// The unit of a clock: if the step is the mean of two, it is measured, and a decimal figure near it is the unit.
+double clock_unit(double measured_s, double step) {
+  if (step == std::round(step)) return measured_s;
+  constexpr double near = 2e-3;
+  const double decade = std::pow(10, std::floor(std::log10(measured_s * (1 + near))));
+  for (const double figure : {1.0, 2.0, 2.5, 4.0, 5.0, 8.0})
+    if (std::abs(measured_s / (figure * decade) - 1) < near) return figure * decade;
+  return measured_s;
+}
+
 // An element of a layout, and the value that it has in the test frame.
 struct Element {
   std::size_t size = 0;
@@ -224,7 +234,7 @@ class MessageText {
   std::string add_clock(const FoundCounter& one, const std::string& type, bool& has_clock) {
     const double rate_hz = text_.rate_hz / divider_;
     if (!(rate_hz > 0)) return fmt::format("a clock, of {:.6g} units a frame; --rate-hz gives the unit", one.step);
-    const double lsb_s = 1 / (rate_hz * one.step), lsb_ns = std::round(1e9 * lsb_s);
+    const double lsb_s = clock_unit(1 / (rate_hz * one.step), one.step), lsb_ns = std::round(1e9 * lsb_s);
     std::string unit = fmt::format("a clock in units of {:.4g} s", lsb_s);
     const bool is_whole = lsb_ns >= 1 && std::abs(1e9 * lsb_s - lsb_ns) < 1e-3;
     const bool is_second = std::abs(lsb_s - 1) < 1e-3;

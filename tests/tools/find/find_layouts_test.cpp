@@ -4,7 +4,9 @@
 
 #include <algorithm>
 
+#include "tests/support/text.hpp"
 #include "tests/tools/find/find_unit.hpp"
+#include "tools/find/found_description.hpp"
 #include "tools/find/frame_finder.hpp"
 #include "tools/find/header_checks.hpp"
 #include "tools/find/message_types.hpp"
@@ -135,7 +137,7 @@ TEST(FindLayouts, LengthsCountTheBytesBehindThem) {
   for (const auto& [layout, at, from, to] :
        {Wanted{lpms_data, 5, 7, 35},
         Wanted{"FA\n@a\nFF "
-               "16\nlength:u8:@p..@q\n@p\nsample_counter:u16\nrate_x_deg_per_s:f32\nrate_y_deg_per_s:f32\nrate_z_deg_"
+               "15\nlength:u8:@p..@q\n@p\nsample_counter:u16\nrate_x_deg_per_s:f32\nrate_y_deg_per_s:f32\nrate_z_deg_"
                "per_s:f32\n_:2\n@q\ncheck:-sum8:@a..@q",
                3, 4, 20},
         Wanted{"02\n@a\n00 "
@@ -174,6 +176,45 @@ TEST(FindLayouts, FindsNoHeaderChecksInRandomBytes) {
     }
     EXPECT_TRUE(find_header_checks(message, stream).empty()) << seed;
   }
+}
+
+const FoundCounter* clock_at(const FoundFrames& found, std::size_t at) {
+  for (const FoundCounter& one : found.messages.front().counters)
+    if (one.at == at) return &one;
+  return nullptr;
+}
+
+// The period of 10 ms is no whole number of ticks of 4 ms or 3 ms: the steps are of two values.
+TEST(FindLayouts, ClocksMayStepUnevenly) {
+  for (const auto& [unit, step] : {std::pair(4'000'000, 2.5), std::pair(3'000'000, 10 / 3.0),
+                                   std::pair(8'000'000, 1.25), std::pair(2'000'000, 5.0)}) {
+    SCOPED_TRACE(unit);
+    const Capture capture =
+        layout_capture("3A\n@a\n01 00\ntime_ns:u32*" + std::to_string(unit) +
+                           "\nrate_x_deg_per_s:f32\nrate_y_deg_per_s:f32\ncheck:sum16:@a..\n0D 0A",
+                       1000);
+    const auto found = find_frames(capture.bytes);
+    ASSERT_TRUE(found);
+    const FoundCounter* clock = clock_at(*found, 3);
+    ASSERT_NE(clock, nullptr);
+    EXPECT_EQ(clock->size, 4U);
+    EXPECT_NEAR(clock->step, step, 2e-3 * step);
+    DescriptionText text{"test", 100};
+    EXPECT_TRUE(contains(describe_frames(*found, capture.bytes, text), fmt::format("\"time_ns:u32*{} le\"", unit)) ||
+                unit == 3'000'000);
+  }
+}
+
+// The low bytes of a time before constant bytes, read as a float, rise nearly evenly.
+TEST(FindLayouts, LowBytesOfIntegersAreNoFloatClocks) {
+  const Capture capture = layout_capture(
+      "AA 44\n@a\n13 4C "
+      "09\ngps_time_of_week_ms:u32\nrate_x_deg_per_s:f32\nrate_y_deg_per_s:f32\ncheck:crc16/xmodem:@a..",
+      1500);
+  const auto found = find_frames(capture.bytes);
+  ASSERT_TRUE(found);
+  for (const FoundCounter& one : found->messages.front().counters) EXPECT_FALSE(one.is_float) << one.at;
+  EXPECT_NE(clock_at(*found, 5), nullptr);
 }
 
 // Four messages 55 51 to 55 54 of 11 bytes.
