@@ -66,6 +66,12 @@ std::vector<CheckRule> check_rules() {
       rules.push_back(rules[i]);
       rules.back().zeros = zeros;
     }
+  // MAVLink's is also of a byte that each message has of its own, and that is not sent.
+  CheckRule mavlink = crc_rule(find_crc("crc16/mcrf4xx")->parameters);
+  mavlink.names = {"crc16/mcrf4xx"};
+  mavlink.zeros = 1;
+  mavlink.is_extra_known = false;
+  rules.push_back(std::move(mavlink));
   return rules;
 }
 

@@ -44,7 +44,8 @@ bool FoundCheck::Form::has_constant() const {
 bool FoundCheck::is_whole() const {
   const Form& form = forms.front();
   constexpr std::size_t many_frames = 64;
-  return share >= whole_share && !form.has_constant() && (!form.own || (size > 1 && compared >= many_frames));
+  return share >= whole_share && (size > 1 || !form.has_constant()) &&
+         (!form.own || (size > 1 && compared >= many_frames));
 }
 
 std::vector<FrameCheck::Range> FoundCheck::ranges_of(const Form& form) const {
@@ -156,20 +157,21 @@ std::size_t CheckSearch::agreeing(const FoundCheck& check, const FoundCheck::For
 }
 
 void CheckSearch::find_forms(const Candidate& candidate, FoundCheck& check) const {
-  const std::vector<std::byte> zeros(candidate.rule->zeros);
   const std::size_t last = candidate.ranges.front().first;
   const std::size_t lowest = frame_begin(check);
   std::size_t first = last;
   while (first > lowest && !varies_[first - 1]) --first;
+  const unsigned extras = candidate.rule->is_extra_known ? 1 : 256;
   for (std::size_t begin = first; begin <= last; ++begin)
-    for (const std::string& name : candidate.rule->names) {
-      FoundCheck::Form form{name, begin, zeros};
-      const std::size_t count = agreeing(check, form);
-      if (!is_share(count, windows_.size(), form_share)) continue;
-      check.forms.push_back(std::move(form));
-      check.agreeing = std::max(check.agreeing, count);
-    }
-  if (check.forms.empty()) find_own_forms(candidate, check);
+    for (const std::string& name : candidate.rule->names)
+      for (unsigned extra = 0; extra < extras; ++extra) {
+        FoundCheck::Form form{name, begin, std::vector(candidate.rule->zeros, static_cast<std::byte>(extra))};
+        const std::size_t count = agreeing(check, form);
+        if (!is_share(count, windows_.size(), form_share)) continue;
+        check.forms.push_back(std::move(form));
+        check.agreeing = std::max(check.agreeing, count);
+      }
+  if (check.forms.empty() && candidate.rule->is_extra_known) find_own_forms(candidate, check);
 }
 
 // Forms with an initial value of their own, or with a byte more than is sent: for the whole range.

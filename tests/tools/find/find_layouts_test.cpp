@@ -217,6 +217,21 @@ TEST(FindLayouts, LowBytesOfIntegersAreNoFloatClocks) {
   EXPECT_NE(clock_at(*found, 5), nullptr);
 }
 
+// MAVLink's check is also of a byte that is not sent, and of which each message has its own.
+TEST(FindLayouts, ChecksHaveAByteThatIsNotSent) {
+  const auto found = find_frames(shipped_capture("mavlink-imu", Handling::turned, 1000).bytes);
+  ASSERT_TRUE(found);
+  ASSERT_EQ(found->messages.size(), 2U);
+  constexpr std::byte extra[] = {std::byte{0xF6}, std::byte{0x5D}};
+  for (std::size_t m = 0; m < 2; ++m) {
+    const FoundMessage& message = found->messages[m];
+    EXPECT_EQ(message.length, m == 0 ? 44U : 74U);
+    ASSERT_EQ(message.checks.size(), 1U);
+    EXPECT_EQ(check_text(message.checks[0]), m == 0 ? "crc16/mcrf4xx at 42 of 1-41" : "crc16/mcrf4xx at 72 of 1-71");
+    EXPECT_EQ(message.checks[0].forms.front().extra, std::vector{extra[m]});
+  }
+}
+
 // Four messages 55 51 to 55 54 of 11 bytes.
 TEST(FindLayouts, MessagesOfOneLengthHaveTypes) {
   for (const Handling handling : {Handling::rest, Handling::turned}) {
