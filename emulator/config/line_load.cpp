@@ -6,6 +6,9 @@
 #include <cmath>
 #include <memory>
 
+#include "core/attitude.hpp"
+#include "protocols/frames/frame_device.hpp"
+#include "protocols/measurements/measured_quantities.hpp"
 #include "protocols/protocol.hpp"
 #include "transports/port.hpp"
 
@@ -95,6 +98,36 @@ std::vector<SentFrames> sent_by_sample(const ImuConfig& imu) {
   return all;
 }
 
+// Returns a typical sample whose place is known. Each number that follows from the place has another value without
+// it.
+Sample sample_at_place() {
+  Sample sample = typical_sample();
+  sample.q_LP = exp(Vector3(0.3, -0.4, 0.5));
+  sample.navigation = {.is_known = true,
+                       .gps_ns = 1'420'000'000'123'456'789,
+                       .latitude = 0.8,
+                       .longitude = 0.1,
+                       .height = 500,
+                       .r_E = {4e6, 5e5, 5e6},
+                       .v_L = {3, -4, 12}};
+  sample.magnetic_field = {2e-5, 1e-5, 4e-5};
+  sample.pressure = 9e4;
+  return sample;
+}
+
+// Returns true if a message of the description, whenever it is sent, or an answer may have such a number.
+bool carries_place(const FrameDescription& description) {
+  if (FrameRequests(description).needs_samples()) return true;
+  const Sample without = typical_sample(), at_place = sample_at_place();
+  return std::ranges::any_of(frame_messages(description), [&](const FrameMessage& message) {
+    return std::ranges::any_of(message.layout->fields(), [&](const std::string& field) {
+      const auto found = find_measured(field);
+      return found && found->quantity->get != nullptr &&
+             found->quantity->get({without}) != found->quantity->get({at_place});
+    });
+  });
+}
+
 }  // namespace
 
 Sample typical_sample() {
@@ -112,21 +145,16 @@ bool carries_place(const ImuConfig& imu) {
   // A host, or the settings, may choose the messages.
   if (imu.protocol == nullptr || imu.protocol->product != nullptr || imu.protocol->fields != Measurement::all)
     return true;
-  const auto bytes_of = [&](bool is_known) {
-    Sample sample = typical_sample();
-    if (is_known) {
-      sample.navigation = {.is_known = true, .latitude = 0.8, .longitude = 0.1, .height = 500};
-      sample.magnetic_field = Vector3::Constant(2e-5);
-      sample.pressure = 9e4;
-    }
+  if (imu.settings.frames() != nullptr) return carries_place(*imu.settings.frames());
+  const auto bytes_of = [&](Sample sample) {
     const auto frames = std::make_unique<FrameBuffer>();
     imu.protocol->make(imu.settings)->sample(sample, *frames);
     std::vector<std::byte> bytes;
     for (const Frame& frame : frames->frames()) bytes.insert(bytes.end(), frame.bytes.begin(), frame.bytes.end());
     return bytes;
   };
-  const std::vector<std::byte> bytes = bytes_of(false);
-  return bytes.empty() || bytes != bytes_of(true);
+  const std::vector<std::byte> bytes = bytes_of(typical_sample());
+  return bytes.empty() || bytes != bytes_of(sample_at_place());
 }
 
 bool carries_status(const ImuConfig& imu, std::uint32_t bits) {

@@ -95,17 +95,37 @@ TEST_F(EarthConfigTest, AnImuThatSendsNoPlaceDoesNotComputeIt) {
   for (const auto& [protocol, port, frame] : {std::tuple{"native", "file:a", EarthModel::Frame::none},
                                               {"csv", "file:a", EarthModel::Frame::none},
                                               {"native-can", "canfile:a", EarthModel::Frame::none},
+                                              {"hg4930", "file:a", EarthModel::Frame::none},
+                                              {"dmu", "file:a", EarthModel::Frame::none},
+                                              {"bno08x-rvc", "file:a", EarthModel::Frame::automatic},
+                                              {"nmea-attitude", "file:a", EarthModel::Frame::automatic},
+                                              {"sensaition-ins", "file:a", EarthModel::Frame::automatic},
                                               {"sbg-can", "canfile:a", EarthModel::Frame::automatic},
                                               {"vectornav", "file:a", EarthModel::Frame::automatic}}) {
-    const bool is_product = frame == EarthModel::Frame::automatic;
+    const bool is_product = find_protocol(protocol) != nullptr && frame == EarthModel::Frame::automatic;
     const Config config = load_config(write(
         "place.toml",
         fmt::format("[truth]\nport = \"udp:127.0.0.1:5140\"\nformat = \"jsbsim\"\n[[imu]]\nprotocol = \"{}\"\n"
                     "port = \"{}\"\n{}",
                     protocol, port,
-                    is_product ? "" : "rate_hz = 100\ngyro.max_rad_per_s = 1\naccelerometer.max_m_per_s2 = 99\n")));
+                    is_product ? "" : "rate_hz = 600\ngyro.max_rad_per_s = 1\naccelerometer.max_m_per_s2 = 99\n")));
     EXPECT_EQ(config.imus[0].model.earth.frame, frame) << protocol;
   }
+}
+
+// A described product that has an attitude, but no place: yaw, pitch and roll follow the length and the number.
+TEST_F(EarthConfigTest, AnAttitudeIsRelativeToTheLocalLevelOfThePlace) {
+  const std::string config =
+      write("attitude.toml", "clock = \"fast\"\n[truth]\nport = \"file:" + standing() +
+                                 "\"\nformat = \"csv\"\n[[imu]]\nprotocol = \"bno08x-rvc\"\nrate_hz = 100\n"
+                                 "gyro.max_rad_per_s = 1\naccelerometer.max_m_per_s2 = 99\nport = \"file:" +
+                                 path("attitude.bin") + "\"\n");
+  ASSERT_EQ(run_program("imud", {"run", config}).exit_code, 0);
+  constexpr std::size_t size = 19;
+  const std::string sent = read_file(path("attitude.bin"));
+  ASSERT_GT(sent.size(), 10 * size);
+  for (std::size_t at = 0; at + size <= sent.size(); at += size)
+    ASSERT_EQ(sent.substr(at + 3, 6), std::string(6, '\0')) << at / size;
 }
 
 TEST_F(EarthConfigTest, AContradictionThatTheRowsShowIsWarnedOf) {
