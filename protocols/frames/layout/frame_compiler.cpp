@@ -133,6 +133,8 @@ void FrameLayout::Compiler::place(FrameElement element, std::uint32_t line) {
   if (needs != 0) out_.whole_.parts.push_back({offset, size, needs});
   if (placed.element.kind == Kind::constant) constant(offset, placed.element.bytes);
   if (placed.element.kind == Kind::padding) constant(offset, std::vector<std::byte>(size));
+  if (placed.element.kind == Kind::unused)
+    std::ranges::copy(placed.element.bytes, out_.template_.begin() + static_cast<std::ptrdiff_t>(offset));
   if (placed.element.kind == Kind::field) add_field(placed);
   if (placed.element.kind == Kind::bits) add_bits(placed);
   placed_.push_back(placed);

@@ -170,6 +170,16 @@ void parse(FrameElement& element, std::string_view text, bool is_big, std::span<
     element.bytes = *bytes;
     return;
   }
+  constexpr std::string_view sent = "_=";
+  if (text.starts_with(sent)) {
+    const auto bytes = hex_bytes_in(text.substr(sent.size()));
+    if (!bytes || bytes->empty())
+      refuse_element("after _= come the bytes that are sent, in hexadecimal, as in _=12 34");
+    element.kind = FrameElement::Kind::unused;
+    element.bytes = *bytes;
+    element.count = bytes->size();
+    return;
+  }
   int orders = 0;
   for (;; text = trim(text)) {
     const bool is_be = remove_suffix(text, " be");

@@ -50,16 +50,18 @@ struct FrameElement {
   };
 
   Kind kind = Kind::constant;
-  std::string text;              // as in the file, without the condition
-  std::string condition;         // of an optional element, such as "MASK.3"; empty: it is always sent
-  std::vector<std::byte> bytes;  // of a constant; of a check: the bytes that follow its ranges
-  std::string label;             // without the @
-  std::size_t count = 0;         // unused bytes; of padding the bytes of which the frame becomes a multiple
-  FrameNumber number;            // of a field, bits, a length and a check
-  FrameSource source;            // of a field
-  double lsb = 1, offset = 0;    // of a field, in its unit
-  bool has_carry = false;        // of a field
-  bool is_floor = false;         // of a field: rounded down
+  std::string text;       // as in the file, without the condition
+  std::string condition;  // of an optional element, such as "MASK.3"; empty: it is always sent
+  // The bytes of a constant; unused bytes as they are sent, empty if as 0; the bytes that follow the ranges of a
+  // check.
+  std::vector<std::byte> bytes;
+  std::string label;           // without the @
+  std::size_t count = 0;       // unused bytes; of padding the bytes of which the frame becomes a multiple
+  FrameNumber number;          // of a field, bits, a length and a check
+  FrameSource source;          // of a field
+  double lsb = 1, offset = 0;  // of a field, in its unit
+  bool has_carry = false;      // of a field
+  bool is_floor = false;       // of a field: rounded down
   std::vector<BitField> bit_fields;
   std::vector<Range> ranges;  // of a length (one) and of a check
   std::size_t divisor = 1;    // of a length: it counts pieces of so many bytes

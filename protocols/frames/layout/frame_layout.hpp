@@ -113,7 +113,7 @@ class FrameLayout final : public MessageLayout {
   // Compares the bytes, at most size() of them, with the constants.
   bool has_constants(std::span<const std::byte> held) const noexcept;
 
-  std::vector<std::byte> template_;  // the constants; all other bits are 0
+  std::vector<std::byte> template_;  // the constants, and unused bytes as they are sent; all other bits are 0
   std::vector<std::byte> constant_;  // the bits that are constant are 1
   std::vector<Field> fields_;
   std::vector<Check> checks_;  // a check whose range contains another one follows it

@@ -41,7 +41,12 @@ void FrameLayout::Compiler::make_rows() {
         row = {placed.offset, element.bytes.size(), "constant", "", "", short_hex_text(element.bytes)};
         break;
       case Kind::unused:
-        row = {placed.offset, element.count, "unused", "", "", "0"};
+        row = {placed.offset,
+               element.count,
+               "unused",
+               "",
+               "",
+               element.bytes.empty() ? "0" : short_hex_text(element.bytes)};
         break;
       case Kind::padding:
         row = {

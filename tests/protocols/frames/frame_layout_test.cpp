@@ -118,6 +118,19 @@ TEST(FrameLayout, LengthsChecksAndPadding) {
             hex_bytes("31 32 33 34 35 36 37 38 31 C3"));
 }
 
+// Bytes that a real unit may change: sent as they stand, in the range of a check, and decoded as any.
+TEST(FrameLayout, UnusedBytesMayBeSentAsGiven) {
+  const std::string elements = "@a\nA5 5A\n_=12 FF\n_:1\nalive_counter:u8\ncheck:sum8:@a..";
+  EXPECT_EQ(encoded(elements), hex_bytes("A5 5A 12 FF 00 00 10"));
+  EXPECT_EQ(
+      faults_of(one_message(elements, "test_frame = \"A5 5A 34 00 07 03 3D\"\ntest_values = {alive_counter = 3}")),
+      "");
+  const auto description = frames_of_text(one_message(elements), "test.toml");
+  const auto messages = frame_messages(*description);
+  EXPECT_EQ(messages[0].layout->match(hex_bytes("A5 5A 34 00 07 03 3D")).match, MessageLayout::Match::yes);
+  EXPECT_EQ(messages[0].layout->rows().at(1).name, "12 FF");
+}
+
 TEST(FrameLayout, AFileDescribesItsOwnCrc) {
   Line line = frame_line(one_message("@a\n\"123456789\"\ncheck:mine:@a..") +
                          "[check.mine]\nwidth = 16\npoly = 0x1021\ninit = 0x1D0F\n");

@@ -20,6 +20,7 @@ TEST(FrameRefusals, ElementsThatCannotBe) {
        "only an integer that is rounded, and carries no remainder, is rounded down"},
       {"AA\nlength:u8:@a..@ floor", "only a field is rounded down"},
       {"AA\nrate_x_deg_per_s:i16 be le", "give one byte order"},
+      {"AA\n_=1", "after _= come the bytes that are sent, in hexadecimal, as in _=12 34"},
       {"AA\n_:4 be", "bytes that are 0 have no byte order"},
       {"AA\npad:4 carry", "only a field has a remainder to carry"},
       {"AA\nsample_counter:u8*2", "a counter or a status is an integer, without LSB and offset"},
