@@ -15,6 +15,7 @@
 #include "emulator/ground/table_reader.hpp"
 #include "emulator/plan/config.hpp"
 #include "protocols/frames/frame_device.hpp"
+#include "protocols/frames/frame_look_alikes.hpp"
 #include "protocols/frames/layout/frame_layout.hpp"
 
 namespace imud {
@@ -277,7 +278,7 @@ std::shared_ptr<const FrameDescription> frames_of_text(std::string_view text, co
     }
   };
   if (faults.all().empty()) {
-    attempt([&] { static_cast<void>(frame_messages(*description)); });
+    attempt([&] { refuse_look_alikes(frame_messages(*description), description->escape, description->file); });
     attempt([&] { test_frame_requests(*description); });
   }
   if (!faults.all().empty()) throw ConfigError(faults.all());
