@@ -1,6 +1,10 @@
 // The shipped descriptions: each has a test frame from outside, and is decoded after any damage.
 #include <filesystem>
 #include <set>
+#include <string>
+#include <tuple>
+#include <utility>
+#include <vector>
 
 #include "core/units.hpp"
 #include "tests/protocols/frames/frame_unit.hpp"
@@ -97,6 +101,59 @@ TEST(ShippedFrames, AllocateNothingOnceMade) {
     }
     line.device->power_on(sample.time);
     EXPECT_EQ(allocations() - before, 0U);  // frame_request_fuzz_test.cpp counts while the host sends
+  }
+}
+
+// What a unit does not send as delivered: frames that settings select, to the byte.
+TEST(ShippedFrames, SettingsSelectFurtherMessages) {
+  Sample sample;
+  sample.counter = 1;
+  sample.rate = Vector3(0.1, -0.2, 0.3);
+  sample.specific_force.z() = 9.80665;
+  const auto frame = [](const char* description, std::string_view message, const Reading& reading) {
+    for (const FrameMessage& one : frame_messages(*read_frames(description))) {
+      if (one.name != message) continue;
+      std::vector<double> carried(one.layout->carries());
+      std::vector<std::byte> bytes(one.layout->longest());
+      one.layout->encode(reading, {}, carried, bytes);
+      return bytes;
+    }
+    return std::vector<std::byte>();
+  };
+  EXPECT_EQ(
+      frame("hg4930", "inertial, version", {sample, {0.001, -0.002, 0.003}, {0, 0, 0.0980665}}),
+      hex_bytes("0E 02 AF 00 A2 FE 0C 02 00 00 00 00 6F 03 05 00 12 00 6F 12 83 00 23 DB F9 FE 4C 37 89 01 00 00 "
+                "00 00 00 00 00 00 AD EC 92 02 13 1C"));
+  sample.rate = units::degree * Vector3(0.1, 0.2, 0.3);
+  EXPECT_EQ(frame("um7", "gyro", {sample}), hex_bytes("73 6E 70 CC 61 3D CC CC CD 3E 4C CC CD 3E 99 99 9A 09 4D"));
+  // Each is sent if its setting has the value, and another in its place, or none.
+  for (const auto& [name, setting, size, selected] :
+       {std::tuple{"hg4930", "INERTIAL_STATUS=version", 5 * 20 + 44, 5 * 20 + 44},
+        {"hg4930", "CONTROL_STATUS=version", 5 * 20 + 44, 5 * 20 + 44},
+        {"um7", "GYRO_ALONE=on", 6 * (55 + 19 + 27) + 51, 6 * (55 + 19 + 27 + 19) + 51}}) {
+    Settings settings = frame_settings(read_frames(name));
+    Line delivered(protocol_named("frame"), settings);
+    settings.set("settings", std::vector<std::string>{setting});
+    Line other(protocol_named("frame"), settings);
+    std::vector<std::byte> sent, of_setting;
+    Sample one = typical();
+    for (int k = 0; k < 6; ++k) {
+      for (const auto& [line, into] : {std::pair(&delivered, &sent), std::pair(&other, &of_setting)}) {
+        const std::vector<std::byte> bytes = bytes_of(*line, one);
+        into->insert(into->end(), bytes.begin(), bytes.end());
+      }
+      ++one.counter;
+      one.time = one.time + std::chrono::milliseconds(2);
+    }
+    EXPECT_EQ(sent.size(), static_cast<std::size_t>(size)) << setting;
+    EXPECT_EQ(of_setting.size(), static_cast<std::size_t>(selected)) << setting;
+    EXPECT_NE(sent, of_setting) << setting;
+    // A unit that sends other messages than the one of the settings is decoded as well.
+    Recording recording;
+    delivered.decoder->feed({of_setting}, recording);
+    delivered.decoder->finish(recording);
+    EXPECT_EQ(recording.measurements.size(), 6U) << setting;
+    EXPECT_EQ(delivered.decoder->errors().skipped_bytes, 0U) << setting;
   }
 }
 
