@@ -104,8 +104,11 @@ std::string imu_text(const Protocol& protocol, const Transport& port, const Pres
                      fmt::format("protocol = \"{}\"\n", protocol.name) + port_text("port", port, port.example);
   if (protocol.has_second_uart)
     text += "# where the product's second UART is connected\n#second_port = \"pty:imu1.2\"\n";
+  const double own_hz = default_rate_hz(protocol, Settings(protocol.settings));
   if (protocol.product == nullptr)
-    text += fmt::format("# samples per second\nrate_hz = {}\n", example_rate_hz(protocol, port));
+    text += fmt::format("# samples per second\n{}\n",
+                        own_hz > 0 ? fmt::format("#rate_hz = {}", own_hz)
+                                   : fmt::format("rate_hz = {}", example_rate_hz(protocol, port)));
   text += model_text(protocol, preset);
   if (!protocol.settings.empty()) text += "\n[imu.device]\n" + settings_text(protocol.settings);
   if (protocol.has_sync_pins)

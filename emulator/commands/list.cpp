@@ -59,6 +59,8 @@ Json described(const Protocol& protocol) {
   Json json = described("protocol", protocol);
   json["link"] = protocol.link == Link::can ? "CAN" : "bytes";
   json["models"] = default_models(protocol);
+  if (const double rate_hz = default_rate_hz(protocol, Settings(protocol.settings)); rate_hz > 0)
+    json["rate_hz"] = rate_hz;
   json["settings"] = described(protocol.settings);
   if (is_described(protocol)) json["layout"] = protocol.layout(Settings(protocol.settings));
   if (std::ranges::any_of(protocol.settings, &Setting::names_frames))
@@ -161,6 +163,7 @@ void print(const Json& entry) {
     fmt::print("  default of model in [[imu]]: {}{}\n", fmt::join(models, " or "),
                models.size() > 1 ? ", by device.model" : "");
   }
+  if (entry.contains("rate_hz")) fmt::print("  default of rate_hz in [[imu]]: {}\n", entry["rate_hz"].get<double>());
   for (const char* key : {"settings", "options"})
     if (entry.contains(key)) print_table(key, entry[key]);
   for (const Json& line : entry.value("layout", Json::array())) fmt::print("  {}\n", line.get<std::string>());

@@ -320,8 +320,9 @@ ImuConfig read_imu(TableReader& table, std::size_t index) {
                               "this key",
                               imu.protocol->name, product->rate_hz));
   } else {
-    require(table, "rate_hz", "the sensor's output rate");
-    imu.rate_hz = table.real("rate_hz", 100.0, Grid::min_rate_hz, Grid::max_rate_hz);
+    const double own = imu.protocol == nullptr ? 0 : default_rate_hz(*imu.protocol, imu.settings);
+    if (own == 0) require(table, "rate_hz", "the sensor's output rate");
+    imu.rate_hz = table.real("rate_hz", own == 0 ? 100.0 : own, Grid::min_rate_hz, Grid::max_rate_hz);
   }
   if (device && imu.protocol->check != nullptr) {
     try {

@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "emulator/config/config_parts.hpp"
-#include "protocols/frames/layout/frame_description.hpp"
+#include "protocols/frames/frame_device.hpp"
 
 namespace imud {
 namespace {
@@ -99,6 +99,11 @@ const Preset* find_preset(std::string_view name) {
 
 std::string_view default_model(const Protocol& protocol, const Settings& settings) {
   return protocol.preset != nullptr ? protocol.preset(settings) : "white";
+}
+
+double default_rate_hz(const Protocol& protocol, const Settings& settings) {
+  if (protocol.product != nullptr) return protocol.product(settings).rate_hz;
+  return settings.frames() != nullptr ? default_rate_hz(*settings.frames()) : 0;
 }
 
 bool PresetErrors::is_within(double rate_hz) const {

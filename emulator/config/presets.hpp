@@ -51,6 +51,10 @@ const Preset* find_preset(std::string_view name);
 // preset, or "white".
 std::string_view default_model(const Protocol& protocol, const Settings& settings);
 
+// Returns the `rate_hz` of such an imu, Hz: a product's own, which cannot be changed, or by a description; 0: it
+// must be given.
+double default_rate_hz(const Protocol& protocol, const Settings& settings);
+
 // How a product makes samples at a rate below its internal rate: each is the value of one internal sample, or the
 // mean of all of them, which has as many more digits as it has summands.
 enum class Decimation : std::uint8_t { sample, mean };

@@ -238,6 +238,9 @@ void read_root(TableReader& table, Faults& faults, toml::table& resolved, FrameD
   description.model = table.text("model", "");
   if (is_path_of_frames(description.model))
     table.fault("model", "give the name of a preset, one that imud list shows");
+  description.rate_hz = table.real("rate_hz", 0, 0, Grid::max_rate_hz);
+  if (table.has("rate_hz") && description.rate_hz < Grid::min_rate_hz)
+    table.fault("rate_hz", fmt::format("give {} to {}", Grid::min_rate_hz, Grid::max_rate_hz));
   const bool big = is_big(table, false);
   description.escape = static_cast<FrameEscape>(table.choice("escape", escape_names, 0));
   description.uart = read_line(table.child("line"), description.baud_setting);
@@ -251,6 +254,11 @@ void read_root(TableReader& table, Faults& faults, toml::table& resolved, FrameD
     const std::uint32_t line = one->source().begin.line;
     description.messages.push_back(read_message(
         TableReader(one, fmt::format("message.{}.", number), line, faults, resolved), line, big, number));
+    const FrameDescription::Message& message = description.messages.back();
+    if (description.rate_hz > 0 && message.rate_hz > description.rate_hz)
+      table.fault("rate_hz", fmt::format("message \"{}\" is sent at {} Hz, and no more often than there are samples; "
+                                         "give at least that",
+                                         message.name, message.rate_hz));
   }
   table.finish();
 }

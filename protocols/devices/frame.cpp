@@ -15,7 +15,6 @@
 #include "core/units.hpp"
 #include "protocols/frames/frame_device.hpp"
 #include "protocols/frames/frame_message_seal.hpp"
-#include "protocols/wire/number_text.hpp"
 
 namespace imud {
 namespace {
@@ -103,18 +102,6 @@ FrameHost host_of(const FrameDescription& description, const Settings& settings)
     host.store({*setting, *value});
   }
   return host;
-}
-
-// Returns the highest rate at which a message may be sent.
-double highest_rate_hz(const FrameDescription& description, const FrameDescription::Message& message) {
-  double highest = message.rate_hz;
-  for (const FrameHostDescription::Setting& setting : description.host.settings)
-    if (setting.name == message.rate_setting) {
-      if (setting.is_range) highest = static_cast<double>(setting.highest);
-      for (const std::string& value : setting.values)
-        highest = std::max(highest, number_in<double>(value).value_or(0));
-    }
-  return highest;
 }
 
 // A message cannot be sent more often than there are samples.

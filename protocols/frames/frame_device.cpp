@@ -7,6 +7,7 @@
 #include "core/attitude.hpp"
 #include "protocols/frames/layout/frame_layout.hpp"
 #include "protocols/frames/text/text_layout.hpp"
+#include "protocols/wire/number_text.hpp"
 
 namespace imud {
 namespace {
@@ -21,6 +22,27 @@ std::shared_ptr<MessageLayout> layout_of(const FrameDescription& description,
 }
 
 }  // namespace
+
+double highest_rate_hz(const FrameDescription& description, const FrameDescription::Message& message) {
+  double highest = message.rate_hz;
+  for (const FrameHostDescription::Setting& setting : description.host.settings)
+    if (setting.name == message.rate_setting) {
+      if (setting.is_range) highest = static_cast<double>(setting.highest);
+      for (const std::string& value : setting.values)
+        highest = std::max(highest, number_in<double>(value).value_or(0));
+    }
+  return highest;
+}
+
+double default_rate_hz(const FrameDescription& description) {
+  if (description.rate_hz > 0) return description.rate_hz;
+  double highest = 0;
+  for (const FrameDescription::Message& message : description.messages) {
+    if (message.rate_setting.empty() && message.rate_hz == 0) return 0;
+    highest = std::max(highest, highest_rate_hz(description, message));
+  }
+  return highest <= Grid::max_rate_hz ? highest : 0;
+}
 
 std::vector<FrameMessage> frame_messages(const FrameDescription& description) {
   std::vector<FrameMessage> messages;

@@ -33,6 +33,12 @@ struct FrameMessage {
 // Returns true if one sample may have both messages.
 bool may_coincide(const FrameMessage& a, const FrameMessage& b);
 
+// Returns the highest rate at which a message may be sent, Hz; 0: the divider decides.
+double highest_rate_hz(const FrameDescription& description, const FrameDescription::Message& message);
+// Returns the rate of the samples, Hz, where a configuration gives none: the description's own, or else the highest
+// rate of its messages if each has one; 0: there is none.
+double default_rate_hz(const FrameDescription& description);
+
 // Returns the messages, compiled. Throws FrameFaults with every fault.
 std::vector<FrameMessage> frame_messages(const FrameDescription& description);
 

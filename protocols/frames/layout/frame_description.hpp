@@ -79,6 +79,7 @@ struct FrameDescription {
   std::string name;      // of the product
   std::string document;  // and its edition
   std::string model;     // the preset of the emulator that has the product's errors; empty: none is known
+  double rate_hz = 0;    // of the samples, where the configuration gives none; 0: not given
   UartSettings uart;     // baud 0: not given
   Start start;
   FrameEscape escape = FrameEscape::none;

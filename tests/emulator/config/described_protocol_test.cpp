@@ -1,9 +1,11 @@
 // Shipped descriptions of frames as protocols: `protocol = "hipnuc"`.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <filesystem>
 #include <fstream>
+#include <map>
 #include <set>
 #include <string>
 #include <vector>
@@ -133,6 +135,42 @@ TEST_F(DescribedProtocol, IsConfiguredAsAnyOther) {
                  "protocol = \"frame\""));
   // The fault of the description is one of the protocol.
   EXPECT_TRUE(contains(fault("protocol = \"kvh1750\"\n"), "imu.0.protocol: kvh1750: line "));
+}
+
+// The rate by the description's key, and by its messages if all have one.
+TEST_F(DescribedProtocol, HasTheRateOfItsDescription) {
+  const auto rate_of = [this](const std::string& keys) {
+    std::ofstream(path_) << "[truth]\nport = \"udp:127.0.0.1:9810\"\n[[imu]]\nport = \"file:imu1\"\n"
+                         << keys << ranges_;
+    return load_config(path_).imus.at(0).rate_hz;
+  };
+  std::map<std::string_view, double> rates;
+  for (const Protocol* protocol : described_protocols())
+    if (const double rate = default_rate_hz(*protocol, Settings(protocol->settings)); rate != 0) {
+      rates[protocol->name] = rate;
+      EXPECT_EQ(rate_of(fmt::format("protocol = \"{}\"\n", protocol->name)), rate) << protocol->name;
+    }
+  EXPECT_EQ(rates, (std::map<std::string_view, double>{{"bno08x-rvc", 100},
+                                                       {"dmu", 200},
+                                                       {"hg1120", 600},
+                                                       {"hg4930", 600},
+                                                       {"hipnuc", 100},
+                                                       {"kvh1750", 1000},
+                                                       {"kvh1775", 1000},
+                                                       {"nmea", 10},
+                                                       {"novatel-raw", 125},
+                                                       {"razor", 50},
+                                                       {"stim210", 2000},
+                                                       {"witmotion", 200}}));
+  EXPECT_EQ(rate_of("protocol = \"hipnuc\"\nrate_hz = 400\n"), 400);
+  EXPECT_EQ(rate_of(user_file("rate_hz = 250")), 250);
+  EXPECT_EQ(rate_of("protocol = \"frame\"\ndevice.frame_file = \"hg4930\"\n"), 600);
+  for (const std::string& keys : {user_file(""), std::string("protocol = \"gx3\"\n")}) {
+    std::ofstream(path_) << "[truth]\nport = \"udp:127.0.0.1:9810\"\n[[imu]]\nport = \"pty:a\"\n" << keys << ranges_;
+    EXPECT_THROW(load_config(path_), ConfigError) << keys;
+  }
+  EXPECT_TRUE(contains(fault(user_file("rate_hz = 20000")), "rate_hz")) << fault(user_file("rate_hz = 20000"));
+  EXPECT_TRUE(contains(fault(user_file("rate_hz = 0")), "rate_hz: give 0.001 to 10000"));
 }
 
 TEST_F(DescribedProtocol, HasATitleInALineOfItsOwn) {

@@ -81,6 +81,8 @@ TEST(FrameRefusals, KeysThatCannotBe) {
       {"line = {stop_bits = 2}\n" + good, "line.stop_bits: give baud, too"},
       {"escape = \"slip\"\n" + good + "[[request]]\nbytes = \"01\"\nanswer = [\"02\"]",
        "requests that are escaped are not read; leave escape or the requests out"},
+      {"rate_hz = 20\n" + one_message("AA\nrate_x_deg_per_s:f32", "rate_hz = 50"),
+       "rate_hz: message \"m\" is sent at 50 Hz, and no more often than there are samples; give at least that"},
       {good + "divider = 2\nphase = 2", "must be less than divider"},
       {good + "divider = 2\nphase = [0, 2]", "must be less than divider"},
       {good + "divider = 2\nphase = [0, 0]", "1 to 1024 different numbers"},
