@@ -51,6 +51,8 @@ std::optional<std::uint16_t> udp_port(const std::string& port);
 // the number, or if the text is malformed.
 std::optional<std::uint16_t> tcp_port(const std::string& port);
 
+// Returns true if the setting is the path of a file; frame_file may be the name of a shipped description instead.
+inline bool names_file(const Setting& setting) { return setting.key.ends_with("_file"); }
 // Reads the declared settings that the table has, or `own`, a table in it that is for them alone. A list may be given
 // as a table: {a = "b"} is ["a=b"]; a whole number in it counts as its text. Adds a fault for each value that is
 // refused. `absent`: the values of absent keys; nullptr: the initial ones.

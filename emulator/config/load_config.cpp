@@ -77,6 +77,11 @@ Settings read_settings(TableReader& table, std::span<const Setting> declared, Ta
     } catch (const std::invalid_argument& error) {
       (own != nullptr && own->has(setting.key) ? *own : table).fault(setting.key, error.what());
     }
+    if (!names_file(setting)) continue;
+    const std::string& name = settings.text(setting.key);
+    if (setting.names_frames && !is_path_of_frames(name)) continue;
+    if (std::string path = file_named(table, setting.key, name); path != name)
+      settings.set(setting.key, std::move(path));
   }
   try {
     attach_frames(settings, declared);
@@ -254,7 +259,7 @@ ControlConfig read_control(TableReader table, bool has_page, bool is_sparing) {
   control.socket = table.text("socket", control.socket);
   if (control.socket.empty()) table.fault("socket", "give a path, \"auto\" or \"none\"");
   control.listen = table.text("listen", control.listen);
-  control.token_file = table.text("token_file", control.token_file);
+  control.token_file = file_named(table, "token_file", table.text("token_file", control.token_file));
   if (!control.listen.empty()) {
     if (const auto address = TcpAddress::parse(control.listen); !address || !address->is_loopback)
       table.fault("listen", "give a loopback address and a port, such as \"127.0.0.1:7700\" or \"[::1]:7700\"");

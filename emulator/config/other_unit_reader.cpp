@@ -33,17 +33,20 @@ void read_other_settings(TableReader& table, const std::vector<ImuConfig>& imus,
   if (node != nullptr && given == nullptr) return table.fault("device", "give settings, as those of [imu.device]");
   std::optional<TableReader> reader;
   if (given != nullptr) reader.emplace(table.child("device"));
+  toml::table only_given = given == nullptr ? toml::table() : *given;
   for (const ImuConfig& imu : imus) {
     if (imu.protocol == nullptr || !fault.acts_on(imu.name)) continue;
     const Settings settings =
         reader ? read_settings(*reader, imu.protocol->settings, nullptr, &imu.settings) : settings_as_delivered(imu);
     if (const std::string wrong = objection(imu, settings); !wrong.empty())
       table.fault("device", fmt::format("{}: {}", imu.name, wrong));
+    for (const Setting& setting : imu.protocol->settings)
+      if (names_file(setting) && only_given.contains(setting.key))
+        only_given.insert_or_assign(setting.key, settings.text(setting.key));
     fault.settings.emplace_back(imu.name, settings);
   }
   if (!reader) return;
   reader->finish();
-  toml::table only_given = *given;
   only_given.is_inline(true);
   std::ostringstream text;
   text << only_given;

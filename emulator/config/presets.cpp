@@ -14,6 +14,9 @@
 
 namespace imud {
 namespace {
+
+constexpr std::string_view end_of_file = ".toml";
+
 // Returns a comment line of the text, without "# "; empty if that line is none.
 std::string_view comment_line(std::string_view text, int number) noexcept {
   for (; number > 0; --number) text.remove_prefix(std::min(text.find('\n'), text.size() - 1) + 1);
@@ -36,6 +39,12 @@ const Preset* preset_in_file(const std::string& path) {
   const auto place = files.emplace(path, File{std::move(text), {}}).first;
   place->second.preset = {place->first, place->second.text};
   return &place->second.preset;
+}
+
+// Returns the model that the table names, or the path of its file.
+std::string model_in(TableReader& table, std::string_view own) {
+  std::string model = table.text("model", std::string(own));
+  return model.ends_with(end_of_file) ? file_named(table, "model", model) : model;
 }
 
 // Returns how a table of a file, which may lack it, states its white noise.
@@ -91,7 +100,7 @@ std::string_view Preset::summary() const noexcept { return comment_line(text, 0)
 std::string_view Preset::source() const noexcept { return comment_line(text, 1); }
 
 const Preset* find_preset(std::string_view name) {
-  if (name.ends_with(".toml")) return preset_in_file(std::string(name));
+  if (name.ends_with(end_of_file)) return preset_in_file(std::string(name));
   for (const std::span<const Preset> all : {presets(), field_presets()})
     if (const auto found = std::ranges::find(all, name, &Preset::name); found != all.end()) return &*found;
   return nullptr;
@@ -159,7 +168,7 @@ PresetErrors preset_errors(const Preset& preset, double rate_hz) {
 
 std::optional<PresetErrors> read_field_model(TableReader& table, bool (*has)(const PresetErrors&), double rate_hz) {
   if (!table.has("model")) return std::nullopt;
-  const std::string model = table.text("model", "");
+  const std::string model = model_in(table, "");
   const auto errors_of = [&](const Preset& preset) -> std::optional<PresetErrors> {
     PresetErrors errors = preset_errors(preset, rate_hz);
     return has(errors) ? std::optional(std::move(errors)) : std::nullopt;
@@ -179,7 +188,7 @@ std::optional<PresetErrors> read_field_model(TableReader& table, bool (*has)(con
 }
 
 const Preset* read_model(TableReader& table, std::string_view own, std::string& model) {
-  model = table.text("model", std::string(own));
+  model = model_in(table, own);
   const Preset* preset = find_preset(model);
   if (preset != nullptr || model == "white" || model == model_without_errors ||
       (table.has("model") && !is_text(table, "model")))

@@ -6,7 +6,7 @@ namespace imud {
 WebConfig read_web(TableReader table) {
   WebConfig web;
   web.listen = table.text("listen", "");
-  web.token_file = table.text("token_file", "");
+  web.token_file = file_named(table, "token_file", table.text("token_file", ""));
   if (!web.listen.empty()) {
     const auto address = TcpAddress::parse(web.listen);
     if (!address)

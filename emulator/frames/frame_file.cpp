@@ -30,8 +30,7 @@ std::string content_of(const std::string& path) {
   std::string text(largest_file + 1, '\0');
   if (file) file.read(text.data(), static_cast<std::streamsize>(text.size()));
   if (!file && !file.eof())
-    throw ConfigError(one(
-        fmt::format("{}: {}; give the path of a description, from the current folder", path, std::strerror(errno))));
+    throw ConfigError(one(fmt::format("{}: {}; give the path of a description", path, std::strerror(errno))));
   text.resize(static_cast<std::size_t>(file.gcount()));
   if (text.size() > largest_file)
     throw ConfigError(one(fmt::format("{}: has more than {} bytes; a description is shorter", path, largest_file)));

@@ -7,8 +7,10 @@
 #include <charconv>
 #include <chrono>
 #include <cmath>
+#include <filesystem>
 #include <limits>
 #include <optional>
+#include <system_error>
 
 #include "core/numbers/nearest.hpp"
 #include "protocols/quantities/key_units.hpp"
@@ -46,6 +48,16 @@ void TableReader::fault(std::string_view key, std::string_view what) {
 
 void TableReader::warn(std::string_view key, std::string_view what) {
   faults_.warn(line_of(key), path_ + std::string(key), what);
+}
+
+std::string file_named(TableReader& table, std::string_view key, const std::string& path) {
+  const std::string& file = table.faults_.file();
+  if (path.empty() || file.empty() || file == "-") return path;
+  const std::filesystem::path beside = std::filesystem::path(file).parent_path() / path;
+  std::error_code none;
+  if (!std::filesystem::exists(beside, none) && std::filesystem::exists(path, none)) return path;
+  table.resolve(key, beside.string());
+  return beside.string();
 }
 
 void require(TableReader& table, std::string_view key, std::string_view what_it_is) {

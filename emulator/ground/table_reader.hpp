@@ -30,6 +30,8 @@ class Faults {
     warnings_.push_back(text(line, key, what));
   }
   const std::vector<std::string>& warnings() const { return warnings_; }
+  // The file; empty if there is none, and - if it is standard input.
+  const std::string& file() const noexcept { return file_; }
 
  private:
   std::string text(std::uint32_t line, std::string_view key, std::string_view what) const;
@@ -101,6 +103,7 @@ class TableReader {
   void finish();
 
  private:
+  friend std::string file_named(TableReader& table, std::string_view key, const std::string& path);
   friend std::vector<TableReader> children(TableReader& table, std::string_view key, std::string_view heading);
   const toml::node* find(std::string_view key) const;
   std::uint32_t line_of(std::string_view key) const;
@@ -120,6 +123,10 @@ inline bool is_text(TableReader& table, std::string_view key) {
 // Returns the readers of the tables of a list, such as [[imu.cause]]; none if the key is absent. `heading` is the
 // tables' in the fault of another value.
 std::vector<TableReader> children(TableReader& table, std::string_view key, std::string_view heading);
+// Returns where the file is that `key` names by `path`, and resolves the key as that: from the folder of the file
+// that has the table, or, if nothing is there but something from the current folder, from that. An absolute path, and
+// an empty one, stay.
+std::string file_named(TableReader& table, std::string_view key, const std::string& path);
 // Adds a fault if the key is absent.
 void require(TableReader& table, std::string_view key, std::string_view what_it_is);
 // Returns a date and time, such as 2025-01-01T00:00:00Z, as whole seconds since 1970. Without an offset it is UTC.
