@@ -205,6 +205,19 @@ void read_tests(TableReader& table, Host::Request& request) {
         {requests[i], answers.empty() ? "" : answers[i], line_of(*table.node("test_request"), request.line)});
 }
 
+// Reads the lists of elements that {items} stands for.
+void read_items(TableReader& table, Host::Request& request) {
+  const toml::node* node = table.node("items");
+  if (node == nullptr) return;
+  const toml::array* list = node->as_array();
+  if (list == nullptr || list->empty() || list->size() > Host::most_items ||
+      !list->is_homogeneous(toml::node_type::array))
+    return table.fault("items", fmt::format("give 1 to {} lists of elements, such as [[\"1C\", \"{{RATE}}:u32\"]]",
+                                            Host::most_items));
+  if (!table.has("layout")) table.fault("items", "only a layout has the element {items}");
+  for (const toml::node& one : *list) request.items.push_back(read_elements(table, "items", one));
+}
+
 Host::Request read_request(TableReader table, std::uint32_t line) {
   Host::Request request;
   request.line = line;
@@ -215,6 +228,7 @@ Host::Request read_request(TableReader table, std::uint32_t line) {
   if (is_line) request.text = {table.text("line", ""), line_of(*table.node("line"), line)};
   if (table.has("bytes")) request.layout = {{table.text("bytes", ""), line_of(*table.node("bytes"), line)}};
   if (table.has("layout")) request.layout = read_elements(table, "layout", *table.node("layout"));
+  read_items(table, request);
   request.ignores_case = table.flag("ignore_case", false);
   if (request.ignores_case && !is_line) table.fault("ignore_case", "only a line has letters");
   if (table.has("when")) request.when = read_choices(table, "when", true);

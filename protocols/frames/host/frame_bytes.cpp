@@ -47,8 +47,13 @@ bool has_any_byte(std::string_view text) {
 // Divides the elements into a layout, in which captures are bytes that may be any, and the captures.
 class FrameBytes::Parser {
  public:
-  Parser(const FrameDescription& description, Role role, std::size_t request_size, const FrameSettings& settings)
-      : description_(description), role_(role), request_size_(request_size), settings_(settings) {}
+  Parser(const FrameDescription& description, Role role, std::size_t request_size, const FrameSettings& settings,
+         bool has_items)
+      : description_(description),
+        role_(role),
+        request_size_(request_size),
+        settings_(settings),
+        has_items_(has_items) {}
 
   // Throws std::invalid_argument.
   void add(const FrameHostDescription::Text& element) {
@@ -65,10 +70,15 @@ class FrameBytes::Parser {
     }
     if (std::string_view rest = text; !take_condition(rest).empty())
       refuse_element("only a message has optional elements");
+    if (text == "{items}") {
+      if (role_ != Role::request || !has_items_) refuse_element("{items} needs items = [[...], ...] of the request");
+      if (std::exchange(uses_items_, true)) refuse_element("{items} is given twice");
+      return keep("_:*");
+    }
     if (text.starts_with('{')) return add_capture(text);
     if (text.starts_with("bits:") && text.find('{') != text.npos) return add_bits(text);
     const FrameElement parsed = parse_frame_element(text, message.is_big, description_.checks);
-    if (is_measured(parsed) && role_ == Role::request)
+    if (is_measured(parsed) && is_of_request())
       refuse_element(
           "a request has constants, _:N, bits of constants, lengths, checks, and {NAME}:TYPE of a setting");
     if (parsed.has_carry) refuse_element("only a message carries remainders");
@@ -88,10 +98,13 @@ class FrameBytes::Parser {
     return all;
   }
 
+  bool uses_items() const noexcept { return uses_items_; }
+
   FrameDescription::Message message;
   bool has_quantities = false;
 
  private:
+  bool is_of_request() const noexcept { return role_ != Role::answer; }
   void keep(std::string_view element) {
     if (!element.starts_with('@')) ++rows_;
     message.layout.push_back({std::string(element), line_});
@@ -104,7 +117,7 @@ class FrameBytes::Parser {
     const std::string_view rest = text.substr(end + 1);
     Capture capture;
     if (!name.empty() && name.find_first_not_of("0123456789-") == name.npos) {
-      if (role_ == Role::request) refuse_element("a byte of a request that may be any is ??");
+      if (is_of_request()) refuse_element("a byte of a request that may be any is ??");
       const std::size_t dash = name.find('-');
       const auto first = number_in<std::size_t>(std::string_view(name).substr(0, dash));
       const auto last = dash == name.npos ? first : number_in<std::size_t>(std::string_view(name).substr(dash + 1));
@@ -165,7 +178,7 @@ class FrameBytes::Parser {
       placed_.emplace_back(capture, rows_);
     }
     const FrameElement parsed = parse_frame_element(head + all + order, message.is_big, description_.checks);
-    if (is_measured(parsed) && role_ == Role::request)
+    if (is_measured(parsed) && is_of_request())
       refuse_element("bits of a request are constants or {NAME} of a setting");
     has_quantities |= is_measured(parsed);
     keep(constants.empty() ? "_:" + std::to_string(parsed.number.bytes) : head + constants + order);
@@ -175,14 +188,17 @@ class FrameBytes::Parser {
   const Role role_;
   const std::size_t request_size_;
   const FrameSettings& settings_;
+  const bool has_items_;
+  bool uses_items_ = false;
   std::uint32_t line_ = 0;
   std::size_t rows_ = 0;                                 // of the elements so far
   std::vector<std::pair<Capture, std::size_t>> placed_;  // with the rows of their elements
 };
 
 FrameBytes::FrameBytes(const FrameDescription& description, std::span<const FrameHostDescription::Text> elements,
-                       const std::string& place, Role role, std::size_t request_size, const FrameSettings& settings) {
-  Parser parser(description, role, request_size, settings);
+                       const std::string& place, Role role, std::size_t request_size, const FrameSettings& settings,
+                       const Items& items) {
+  Parser parser(description, role, request_size, settings, !items.empty());
   std::vector<FrameFault> faults;
   parser.message.line = elements.front().line;
   parser.message.is_big = description.host.is_big;
@@ -193,15 +209,26 @@ FrameBytes::FrameBytes(const FrameDescription& description, std::span<const Fram
       parser.add_refused();
     }
   try {
-    layout_.emplace(description, parser.message);
+    layout_.emplace(description, parser.message,
+                    role == Role::item      ? FrameLayout::Use::item
+                    : role == Role::request ? FrameLayout::Use::request
+                                            : FrameLayout::Use::message);
   } catch (const FrameFaults& error) {
     const std::string head = where_in(parser.message, "");
     for (const FrameFault& fault : error.faults)
       faults.push_back(
           {fault.line, place + ": " + fault.where.substr(std::min(head.size(), fault.where.size())), fault.what});
   }
+  for (const std::vector<FrameHostDescription::Text>& item : items) try {
+      items_.emplace_back(description, item, place + ": items", Role::item, 0, settings);
+      captures_values_ |= items_.back().captures_values();
+    } catch (const FrameFaults& error) {
+      faults.insert(faults.end(), error.faults.begin(), error.faults.end());
+    }
+  if (!items.empty() && !parser.uses_items())
+    faults.push_back({elements.front().line, place + ": items", "give the element {items}, where they are"});
   const std::size_t most =
-      role == Role::request ? FrameHostDescription::longest_request - 1 : FrameHostDescription::longest_answer;
+      role == Role::answer ? FrameHostDescription::longest_answer : FrameHostDescription::longest_request - 1;
   if (layout_ && layout_->size() > most)
     faults.push_back({elements.front().line, place,
                       "has " + std::to_string(layout_->size()) + " bytes, more than " + std::to_string(most)});
@@ -209,39 +236,74 @@ FrameBytes::FrameBytes(const FrameDescription& description, std::span<const Fram
   parser.place(*layout_);
   captures_ = parser.captures();
   has_quantities_ = parser.has_quantities;
-  captures_values_ = !captures_.empty() && role == Role::request;
-  if (captures_.size() > FrameCaptures::most && role == Role::request)
+  captures_values_ |= !captures_.empty() && role != Role::answer;
+  if (captures_.size() > FrameCaptures::most && role != Role::answer)
     throw FrameFaults(description.file, {{elements.front().line, place, "has too many captures"}});
+}
+
+void FrameCaptures::add(std::size_t setting, std::optional<FrameValue> value) noexcept {
+  is_allowed &= value.has_value();
+  if (!value) return;
+  const auto known = std::ranges::find(std::span(chosen).first(count), setting, &FrameChosen::setting);
+  if (known != std::span(chosen).first(count).end())
+    known->value = *value;
+  else
+    chosen[count++] = {setting, *value};
+}
+
+// `bytes`: a whole request, or item.
+void FrameBytes::capture(std::span<const std::byte> bytes, const FrameSettings& settings,
+                         FrameCaptures& captures) const noexcept {
+  for (const Capture& one : captures_) {
+    const std::size_t at = one.offset < fixed() ? one.offset : one.offset - size() + bytes.size();
+    const std::uint64_t code = load_number(one.number, bytes.data() + at) >> one.low & low_bits(one.width);
+    captures.add(*one.setting, settings.find_code(*one.setting, code));
+  }
+}
+
+// Returns false if the bytes are no items, one after another.
+bool FrameBytes::capture_items(std::span<const std::byte> bytes, const FrameSettings& settings,
+                               FrameCaptures& captures) const noexcept {
+  while (!bytes.empty()) {
+    const auto item = std::ranges::find_if(items_, [bytes](const FrameBytes& one) {
+      return one.layout_->match(bytes).match == FrameLayout::Match::yes;
+    });
+    if (item == items_.end()) return false;
+    item->capture(bytes.first(item->size()), settings, captures);
+    bytes = bytes.subspan(item->size());
+  }
+  return true;
 }
 
 FrameLayout::Match FrameBytes::match(std::span<const std::byte> held, const FrameSettings& settings,
                                      FrameCaptures& captures) const noexcept {
-  const FrameLayout::Match match = layout_->match(held).match;
-  if (match != FrameLayout::Match::yes) return match;
+  const FrameLayout::Found found = layout_->match(held);
+  if (found.match != FrameLayout::Match::yes) return found.match;
   captures = {};
-  captures.bytes = held.first(size());
-  for (const Capture& one : captures_) {
-    const std::uint64_t code = load_number(one.number, held.data() + one.offset) >> one.low & low_bits(one.width);
-    const auto value = settings.find_code(*one.setting, code);
-    captures.is_allowed &= value.has_value();
-    if (value) captures.chosen[captures.count++] = {*one.setting, *value};
-  }
-  return match;
+  captures.bytes = held.first(found.size);
+  capture(captures.bytes, settings, captures);
+  if (!items_.empty() && !capture_items(captures.bytes.subspan(fixed(), found.size + 1 - size()), settings, captures))
+    return FrameLayout::Match::no;
+  return found.match;
 }
 
 void FrameBytes::fill(std::span<const FrameValue> values, const FrameSettings& settings,
                       std::span<std::byte> out) const noexcept {
   for (const Capture& one : captures_) {
     if (!one.setting) continue;
-    std::byte* const to = out.data() + one.offset;
+    std::byte* const to = out.data() + (one.offset < fixed() ? one.offset : one.offset - size() + out.size());
     const std::uint64_t code = settings.code({*one.setting, values[*one.setting]});
     store_number(load_number(one.number, to) | (code & low_bits(one.width)) << one.low, one.number, to);
   }
 }
 
 std::vector<std::byte> FrameBytes::example(std::span<const FrameValue> values, const FrameSettings& settings) const {
-  std::vector<std::byte> bytes(size());
-  layout_->encode({Sample()}, {}, {}, bytes);
+  std::vector<std::byte> content;
+  for (const FrameBytes& item : items_) {
+    const std::vector<std::byte> one = item.example(values, settings);
+    content.insert(content.end(), one.begin(), one.end());
+  }
+  std::vector<std::byte> bytes = layout_->with_content(content);
   fill(values, settings, bytes);
   layout_->seal(bytes);
   return bytes;

@@ -18,16 +18,19 @@ namespace imud {
 
 // The captures of a request that was received. The views are of the received bytes.
 struct FrameCaptures {
-  static constexpr std::size_t most = 16;
+  static constexpr std::size_t most = FrameHostDescription::most_settings;
 
   std::span<const std::byte> bytes;        // of a binary request
   std::string_view line;                   // of a line, without its end
   std::string_view any;                    // by {any}
   std::optional<std::size_t> setting;      // by {setting}
   std::string_view value;                  // the text by {value} or {NAME}, whatever it is
-  std::array<FrameChosen, most> chosen{};  // settings with their values
+  std::array<FrameChosen, most> chosen{};  // settings with their values, each once
   std::size_t count = 0;                   // of `chosen`
   bool is_allowed = true;                  // false: a captured value is no value of its setting
+
+  // Adds a value, in place of an earlier one of the same setting; nullopt: it is none of the setting.
+  void add(std::size_t setting, std::optional<FrameValue> value) noexcept;
 };
 
 // A pattern of a line: text with {setting}, {value}, {NAME} of a setting, or {any}. A capture ends at the first
@@ -68,17 +71,21 @@ class FrameLine {
   bool captures_setting_ = false, captures_values_ = false, captures_ranges_ = false, has_any_ = false;
 };
 
-// Bytes by a list of elements, in which there may be captures: of a request `{NAME}:u16`, `bits:u8:0={NAME}` and
-// `??`, of an answer `{NAME}:u16`, `bits:u8:0={NAME}`, and bytes of the request, `{3}` or `{3-6}`.
+// Bytes by a list of elements, in which there may be captures: of a request `{NAME}:u16`, `bits:u8:0={NAME}`, `??`,
+// and where its length gives their number `_:*` for any bytes and `{items}` for items; of an answer `{NAME}:u16`,
+// `bits:u8:0={NAME}`, and bytes of the request, `{3}` or `{3-6}`.
 class FrameBytes {
  public:
-  enum class Role : std::uint8_t { request, answer };
-  // `place` precedes the elements in faults. `request_size`: the bytes that an answer may repeat. Throws FrameFaults
-  // with every fault.
+  enum class Role : std::uint8_t { request, item, answer };
+  using Items = std::vector<std::vector<FrameHostDescription::Text>>;
+  // `place` precedes the elements in faults. `request_size`: the bytes that an answer may repeat. `items`: of a
+  // request. Throws FrameFaults with every fault.
   FrameBytes(const FrameDescription& description, std::span<const FrameHostDescription::Text> elements,
-             const std::string& place, Role role, std::size_t request_size, const FrameSettings& settings);
+             const std::string& place, Role role, std::size_t request_size, const FrameSettings& settings,
+             const Items& items = {});
 
-  std::size_t size() const noexcept { return layout_->size(); }
+  std::size_t size() const noexcept { return layout_->size(); }    // bytes; an answer's
+  std::size_t fixed() const noexcept { return layout_->fixed(); }  // bytes of a request whose place is fixed
   bool captures_values() const noexcept { return captures_values_; }
   bool has_quantities() const noexcept { return has_quantities_; }
   const FrameLayout& layout() const noexcept { return *layout_; }
@@ -106,11 +113,16 @@ class FrameBytes {
     std::size_t first = 0;
   };
   class Parser;
+  void capture(std::span<const std::byte> bytes, const FrameSettings& settings,
+               FrameCaptures& captures) const noexcept;
+  bool capture_items(std::span<const std::byte> bytes, const FrameSettings& settings,
+                     FrameCaptures& captures) const noexcept;
   void fill(std::span<const FrameValue> values, const FrameSettings& settings,
             std::span<std::byte> out) const noexcept;
 
   std::optional<FrameLayout> layout_;
   std::vector<Capture> captures_;
+  std::vector<FrameBytes> items_;
   bool captures_values_ = false, has_quantities_ = false;
 };
 

@@ -1,6 +1,7 @@
 // The settings and requests of a description as tables for people, and its test requests.
 #include <algorithm>
 #include <memory>
+#include <utility>
 
 #include "protocols/frames/host/frame_host.hpp"
 #include "protocols/wire/byte_text.hpp"
@@ -97,6 +98,14 @@ std::string elements(const std::vector<Host::Text>& layout) {
   return joined(words, " ");
 }
 
+std::string text_of(const Host::Request& request) {
+  if (request.text) return request.text->text;
+  std::string text = elements(request.layout);
+  const char* word = ", items ";
+  for (const std::vector<Host::Text>& item : request.items) text += std::exchange(word, " or ") + elements(item);
+  return text;
+}
+
 std::string text_of(const Host::Answer& answer) {
   if (!answer.text) return elements(answer.layout);
   std::string text;
@@ -164,7 +173,7 @@ std::vector<std::string> frame_request_rows(const FrameDescription& description)
                     (conversations == 1 ? " test conversation agrees:" : " test conversations agree:"));
     std::vector<Row> rows = {{"request", "effect", "answer"}};
     for (const Host::Request& one : host.requests) {
-      rows.push_back({one.text ? one.text->text : elements(one.layout), effect_of(one), text_of(one.answer)});
+      rows.push_back({text_of(one), effect_of(one), text_of(one.answer)});
       if (one.otherwise.is_given()) rows.push_back({"", "a value that is not allowed", text_of(one.otherwise)});
     }
     if (host.unknown_answer) rows.push_back({"any other line", "", text_of({host.unknown_answer, {}})});

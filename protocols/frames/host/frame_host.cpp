@@ -68,7 +68,7 @@ std::size_t FrameHost::parse(std::span<const std::byte> held, DeviceTime now, Un
     is_unfinished |= match == FrameLayout::Match::unfinished;
     if (match != FrameLayout::Match::yes || !all[i].accepts(captures)) continue;
     execute(i, captures, now, unit, replies);
-    return all[i].bytes->size();
+    return captures.bytes.size();
   }
   if (requests_->has_lines()) {
     const auto end = std::ranges::find_if_not(held, is_printable);

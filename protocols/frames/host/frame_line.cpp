@@ -101,8 +101,7 @@ bool FrameLine::match(std::string_view line, bool ignores_case, const FrameSetti
       const std::size_t setting = part.kind == Kind::named ? part.setting : *found.setting;
       const auto value = settings.find_value(setting, text, ignores_case);
       if (value || found.is_allowed) found.value = text;
-      found.is_allowed &= value.has_value();
-      if (value) found.chosen[found.count++] = {setting, *value};
+      found.add(setting, value);
     }
   }
   if (!line.empty()) return false;

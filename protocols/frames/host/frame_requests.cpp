@@ -175,7 +175,8 @@ void FrameRequests::add(const FrameDescription& description, const FrameHostDesc
     if (described.text)
       request.text.emplace(described.text->text, described.ignores_case, settings_);
     else if (!described.layout.empty())
-      request.bytes.emplace(description, described.layout, place, FrameBytes::Role::request, 0, settings_);
+      request.bytes.emplace(description, described.layout, place, FrameBytes::Role::request, 0, settings_,
+                            described.items);
   });
   if (faults_.size() != before) return;
   if (!request.text && !request.bytes) {
@@ -184,7 +185,7 @@ void FrameRequests::add(const FrameDescription& description, const FrameHostDesc
   }
   has_lines_ |= request.text.has_value();
   const FrameLine* const line = request.text ? &*request.text : nullptr;
-  const std::size_t size = request.bytes ? request.bytes->size() : 0;
+  const std::size_t size = request.bytes ? request.bytes->fixed() : 0;
   const bool captures_values = line != nullptr ? line->captures_values() : request.bytes->captures_values();
   const auto answer = [&](const FrameHostDescription::Answer& one, const char* key, bool is_refusal) {
     FrameAnswer made;

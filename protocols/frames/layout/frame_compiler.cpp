@@ -40,8 +40,8 @@ std::string where_in(const FrameDescription::Message& message, const std::string
   return "message \"" + message.name + "\": " + key;
 }
 
-FrameLayout::FrameLayout(const FrameDescription& description, const FrameDescription::Message& message) {
-  Compiler compiler(*this, description, message);
+FrameLayout::FrameLayout(const FrameDescription& description, const FrameDescription::Message& message, Use use) {
+  Compiler compiler(*this, description, message, use);
   compiler.compile();
   compiler.test();
 }
@@ -84,6 +84,7 @@ void FrameLayout::Compiler::compile() {
   out_.find_read_back();
   make_rows();
   make_optional();
+  make_variable();
 }
 
 void FrameLayout::Compiler::set_increments() noexcept {
@@ -116,6 +117,7 @@ void FrameLayout::Compiler::place(FrameElement element, std::uint32_t line) {
       size = element.bytes.size();
       break;
     case Kind::unused:
+      set_variable(element);
       size = element.count;
       break;
     case Kind::padding:
@@ -325,7 +327,7 @@ void FrameLayout::Compiler::order_checks() {
 void FrameLayout::Compiler::check_sync() {
   int bits = 0;
   for (const std::byte byte : out_.constant_) bits += std::popcount(std::to_integer<unsigned>(byte));
-  if (bits < 8 && out_.checks_.empty() && description_.escape == FrameEscape::none)
+  if (use_ != Use::item && bits < 8 && out_.checks_.empty() && description_.escape == FrameEscape::none)
     fault(message_.line, "layout",
           "a decoder cannot find the frame: give at least one constant byte, or a check of its bytes");
 }

@@ -10,8 +10,8 @@ namespace imud {
 
 class FrameLayout::Compiler {
  public:
-  Compiler(FrameLayout& out, const FrameDescription& description, const FrameDescription::Message& message)
-      : out_(out), description_(description), message_(message) {}
+  Compiler(FrameLayout& out, const FrameDescription& description, const FrameDescription::Message& message, Use use)
+      : out_(out), description_(description), message_(message), use_(use) {}
 
   // Fills the layout. Throws FrameFaults with every fault of the message.
   void compile();
@@ -36,6 +36,8 @@ class FrameLayout::Compiler {
   void require_whole(const FrameCheck::Range& range, std::size_t bytes, const std::string& pieces) const;
   void require_sizes(const Placed& length, const FrameCheck::Range& range);
   void make_optional();
+  void set_variable(const FrameElement& element);
+  void make_variable();
   void set_increments() noexcept;
   void make_rows();
   void set_number(Field& field, const FrameElement& element);
@@ -62,6 +64,7 @@ class FrameLayout::Compiler {
   FrameLayout& out_;
   const FrameDescription& description_;
   const FrameDescription::Message& message_;
+  const Use use_;
   std::optional<FrameSettings> settings_;  // made if an element is optional
   std::vector<Placed> placed_;
   std::map<std::string, std::size_t> labels_;

@@ -207,7 +207,8 @@ void parse(FrameElement& element, std::string_view text, bool is_big, std::span<
     refuse_element("only a field is rounded down");
   if (word == "_") {
     element.kind = FrameElement::Kind::unused;
-    element.count = count_in(rest, "_: gives bytes that are not used,");
+    element.is_variable = rest == "*";
+    element.count = element.is_variable ? 1 : count_in(rest, "_: gives bytes that are not used,");
   } else if (word == "pad") {
     element.kind = FrameElement::Kind::padding;
     element.count = count_in(rest, "pad: gives the bytes of which the frame becomes a multiple,");

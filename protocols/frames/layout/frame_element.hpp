@@ -56,6 +56,7 @@ struct FrameElement {
   // check.
   std::vector<std::byte> bytes;
   std::string label;           // without the @
+  bool is_variable = false;    // any number of unused bytes, of which `count` has one
   std::size_t count = 0;       // unused bytes; of padding the bytes of which the frame becomes a multiple
   FrameNumber number;          // of a field, bits, a length and a check
   FrameSource source;          // of a field

@@ -16,6 +16,7 @@ struct FrameHostDescription {
   static constexpr std::size_t most_values = 64;                        // of a setting
   static constexpr std::int64_t largest_value = std::int64_t{1} << 53;  // of a range, and with a minus its smallest
   static constexpr std::size_t most_requests = 128;
+  static constexpr std::size_t most_items = 64;          // kinds, of a request
   static constexpr std::size_t most_tests = 16;          // of a request
   static constexpr std::size_t longest_request = 256;    // bytes, with the end of a line
   static constexpr std::size_t longest_answer = 1024;    // bytes
@@ -57,7 +58,8 @@ struct FrameHostDescription {
     std::optional<Text> text;  // a line; absent: `layout` has the bytes
     bool ignores_case = false;
     std::vector<Text> layout;
-    std::vector<Choice> when;  // understood while all of these hold
+    std::vector<std::vector<Text>> items;  // of {items} in the layout: the elements of each kind
+    std::vector<Choice> when;              // understood while all of these hold
 
     std::optional<bool> streams;  // switches the stream on or off
     bool sets_captured = false;

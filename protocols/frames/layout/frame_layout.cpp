@@ -130,7 +130,7 @@ void FrameLayout::write_check(const Check& one, std::span<std::byte> frame) noex
 }
 
 bool FrameLayout::may_coincide(const FrameLayout& other) const noexcept {
-  for (std::size_t i = 0; i < std::min(size(), other.size()); ++i)
+  for (std::size_t i = 0; i < std::min(fixed(), other.fixed()); ++i)
     if (((template_[i] ^ other.template_[i]) & constant_[i] & other.constant_[i]) != std::byte{0}) return false;
   return true;
 }
@@ -149,6 +149,7 @@ bool FrameLayout::reseal(std::span<std::byte> frame) const noexcept {
 }
 
 FrameLayout::Found FrameLayout::match(std::span<const std::byte> held) const noexcept {
+  if (variable_) return match_variable(held);
   const std::size_t known = std::min(held.size(), size());
   if (!has_constants(held.first(known))) return {Match::no, 0};
   if (known < size()) return {Match::unfinished, 0};

@@ -18,8 +18,13 @@ namespace imud {
 
 class FrameLayout final : public MessageLayout {
  public:
+  enum class Use : std::uint8_t {
+    message,
+    request,  // which may have `_:*`, any number of bytes by its length
+    item,     // a part of a request, which needs nothing by which it is found
+  };
   // Throws FrameFaults with every fault of the message.
-  FrameLayout(const FrameDescription& description, const FrameDescription::Message& message);
+  FrameLayout(const FrameDescription& description, const FrameDescription::Message& message, Use use = Use::message);
 
   std::size_t size() const noexcept { return template_.size(); }  // bytes
   std::size_t longest() const noexcept override { return conditions_.empty() ? size() : whole_.bytes.size(); }
@@ -29,8 +34,13 @@ class FrameLayout final : public MessageLayout {
                  std::span<std::byte> frame) const noexcept override {
     return {size(), write(reading, state, nullptr, carried, frame)};
   }
+  // Returns the bytes before `_:*`, or of a layout without it all bytes.
+  std::size_t fixed() const noexcept { return variable_.value_or(size()); }
+  bool is_variable() const noexcept { return variable_.has_value(); }
+  // Returns a frame with constants and these bytes for `_:*`; all else is 0. It has no checks yet.
+  std::vector<std::byte> with_content(std::span<const std::byte> content) const;
   // Writes the checks of a frame of which some bytes were changed.
-  void seal(std::span<std::byte> frame) const noexcept { write_checks(frame); }
+  void seal(std::span<std::byte> frame) const noexcept;
   // Returns true if the constants allow bytes that begin with a frame of this layout and with one of the other.
   bool may_coincide(const FrameLayout& other) const noexcept;
   Found match(std::span<const std::byte> held) const noexcept override;
@@ -89,12 +99,26 @@ class FrameLayout final : public MessageLayout {
     std::vector<std::byte> bytes, constant;
     std::vector<Field> fields;
     std::vector<Check> checks;
-    std::vector<Part> parts;  // in the order of the bytes
-    std::vector<Length> lengths;
+    std::vector<Part> parts;      // in the order of the bytes
+    std::vector<Length> lengths;  // of any layout
   };
   class Compiler;
 
+  // The layout of a frame of which the bytes between the first and the last place where sizes differ are not known.
+  // What precedes and follows these has its place from the begin and from the end of the frame.
+  struct Around {
+    std::size_t first = 0, last = 0, whole = 0, frame = 0;  // of all elements; `frame`: bytes of the frame
+    std::optional<std::size_t> operator()(std::size_t offset) const noexcept {
+      if (offset <= first) return offset;
+      return offset >= last ? std::optional(offset - whole + frame) : std::nullopt;
+    }
+  };
+  Found match_variable(std::span<const std::byte> held) const noexcept;
   bool reseal_any(std::span<std::byte> frame) const noexcept;
+  bool have_places(const Around& place) const noexcept;  // lengths and checks
+  bool has_lengths(std::span<const std::byte> frame, const Around& place) const noexcept;
+  std::uint64_t check_at(const Check& one, std::span<const std::byte> frame, const Around& place) const noexcept;
+  void seal_at(std::span<const Check> checks, std::span<std::byte> frame, const Around& place) const noexcept;
   // Finds which quantities the fields carry, and which of its clocks and counters has the longest round.
   void find_read_back() noexcept;
   // Writes the frame; `given`, if not nullptr, has the values of quantities that are real numbers, in place of the
@@ -121,6 +145,7 @@ class FrameLayout final : public MessageLayout {
   std::size_t carries_ = 0;
   std::vector<FrameCondition> conditions_;  // of the optional elements, at most 64
   Whole whole_;
+  std::optional<std::size_t> variable_;  // the place of `_:*`, which has one byte in the template
 };
 
 }  // namespace imud

@@ -67,6 +67,37 @@ void FrameLayout::Compiler::make_optional() {
   out_.select(settings_->delivered());
 }
 
+// --- Any number of bytes ---
+// Keeps the place of the element, if it has any number of bytes.
+void FrameLayout::Compiler::set_variable(const FrameElement& element) {
+  if (!element.is_variable) return;
+  if (use_ == Use::message) refuse_element("only a request has any number of bytes; give their number, as _:4");
+  if (use_ == Use::item) refuse_element("an item has a fixed number of bytes");
+  if (out_.variable_) refuse_element("only one part of a request has any number of bytes");
+  out_.variable_ = out_.size();
+}
+
+// Finds what a request needs so that its end is known.
+void FrameLayout::Compiler::make_variable() {
+  if (!out_.variable_) return;
+  const std::size_t first = *out_.variable_;
+  const auto refuse = [this](const char* what) {
+    throw FrameFaults(description_.file, {{message_.line, where_in(message_, "layout"), what}});
+  };
+  bool has_length = false;
+  for (const Whole::Length& one : out_.whole_.lengths) {
+    const bool is_of_it = one.range.first <= first && one.range.second > first;
+    has_length |= is_of_it && one.offset < first;
+    if (!is_of_it) continue;
+    if (one.divisor != 1) refuse("the length of any number of bytes counts bytes, not pieces");
+    std::fill_n(out_.constant_.begin() + static_cast<std::ptrdiff_t>(one.offset), one.number.bytes, std::byte{0});
+  }
+  if (!has_length) refuse("give a length, before them, of the bytes that may be of any number");
+  if (std::ranges::any_of(out_.checks_, [](const Check& one) { return one.check.word_size() != 1; }))
+    refuse("a check of any number of bytes is of bytes, not of words");
+  if (!out_.have_places({first, first + 1, out_.size(), out_.size()})) refuse("a check has more than 16 ranges");
+}
+
 // Compiles the message of the elements that are sent with the settings of the test, and tests that.
 void FrameLayout::Compiler::test_selected(const FrameDescription::Test& test) {
   std::vector<FrameValue> values = settings_->delivered();

@@ -57,16 +57,53 @@ void FrameLayout::select(std::span<const FrameValue> values) noexcept {
   find_read_back();
 }
 
-// Which elements there are between the first and the last optional one is not known, but what precedes and follows
-// these has its place from the begin and from the end of the frame.
+// --- Frames of which some bytes are not known ---
+constexpr std::size_t most_ranges = 16;  // of a check of such a frame
+
+bool FrameLayout::have_places(const Around& place) const noexcept {
+  const auto has_range = [&](const FrameCheck::Range& range) { return place(range.first) && place(range.second); };
+  return std::ranges::all_of(whole_.lengths,
+                             [&](const Whole::Length& one) { return place(one.offset) && has_range(one.range); }) &&
+         std::ranges::all_of(conditions_.empty() ? checks_ : whole_.checks, [&](const Check& one) {
+           return place(one.offset) && one.ranges.size() <= most_ranges && std::ranges::all_of(one.ranges, has_range);
+         });
+}
+
+// All places are known.
+bool FrameLayout::has_lengths(std::span<const std::byte> frame, const Around& place) const noexcept {
+  return std::ranges::all_of(whole_.lengths, [&](const Whole::Length& one) {
+    const std::size_t bytes = *place(one.range.second) - *place(one.range.first);
+    const std::int64_t length = static_cast<std::int64_t>(bytes / one.divisor) + one.plus;
+    return load_number(one.number, frame.data() + *place(one.offset)) == static_cast<std::uint64_t>(length);
+  });
+}
+
+std::uint64_t FrameLayout::check_at(const Check& one, std::span<const std::byte> frame,
+                                    const Around& place) const noexcept {
+  std::array<FrameCheck::Range, most_ranges> ranges;
+  for (std::size_t k = 0; k < one.ranges.size(); ++k)
+    ranges[k] = {*place(one.ranges[k].first), *place(one.ranges[k].second)};
+  return one.check.of(frame, std::span(ranges).first(one.ranges.size()), one.extra, one.is_big);
+}
+
+void FrameLayout::seal_at(std::span<const Check> checks, std::span<std::byte> frame,
+                          const Around& place) const noexcept {
+  for (const Check& one : checks)
+    store_number(check_at(one, frame, place), {FrameNumber::Format::unsigned_integer, one.check.size(), one.is_big},
+                 frame.data() + *place(one.offset));
+}
+
+void FrameLayout::seal(std::span<std::byte> frame) const noexcept {
+  if (!variable_) return write_checks(frame);
+  seal_at(checks_, frame, {*variable_, *variable_ + 1, size(), frame.size()});
+}
+
 bool FrameLayout::reseal_any(std::span<std::byte> frame) const noexcept {
-  const std::size_t size = whole_.bytes.size(), first = whole_.parts.front().offset,
-                    last = whole_.parts.back().offset + whole_.parts.back().size;
-  if (checks_.empty() || frame.size() < first + (size - last) || frame.size() > size) return false;
-  const auto place = [&](std::size_t offset) -> std::optional<std::size_t> {
-    if (offset <= first) return offset;
-    return offset >= last ? std::optional(offset - size + frame.size()) : std::nullopt;
-  };
+  const Around place{whole_.parts.front().offset, whole_.parts.back().offset + whole_.parts.back().size,
+                     whole_.bytes.size(), frame.size()};
+  if (checks_.empty() || frame.size() < place.first + (place.whole - place.last) || frame.size() > place.whole ||
+      !have_places(place))
+    return false;
   const auto has_constants = [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       const bool is_length = std::ranges::any_of(whole_.lengths, [i](const Whole::Length& one) {
@@ -76,33 +113,53 @@ bool FrameLayout::reseal_any(std::span<std::byte> frame) const noexcept {
     }
     return true;
   };
-  if (!has_constants(0, first) || !has_constants(last, size)) return false;
-  for (const Whole::Length& one : whole_.lengths) {
-    const auto at = place(one.offset), from = place(one.range.first), to = place(one.range.second);
-    if (!at || !from || !to) return false;
-    const auto length = static_cast<std::int64_t>((*to - *from) / one.divisor) + one.plus;
-    if (load_number(one.number, frame.data() + *at) != static_cast<std::uint64_t>(length)) return false;
+  if (!has_constants(0, place.first) || !has_constants(place.last, place.whole) || !has_lengths(frame, place))
+    return false;
+  seal_at(whole_.checks, frame, place);
+  return true;
+}
+
+// The compiler has made sure that a length of the variable bytes precedes them, and that all places are known.
+FrameLayout::Found FrameLayout::match_variable(std::span<const std::byte> held) const noexcept {
+  const std::size_t first = *variable_;
+  if (!has_constants(held.first(std::min(first, held.size())))) return {Match::no, 0};
+  if (held.size() < first) return {Match::unfinished, 0};
+  const Whole::Length& length = *std::ranges::find_if(whole_.lengths, [first](const Whole::Length& one) {
+    return one.offset < first && one.range.first <= first && one.range.second > first;
+  });
+  const std::uint64_t sent = load_number(length.number, held.data() + length.offset);
+  constexpr std::uint64_t most = 4 * FrameDescription::longest_frame;
+  if (sent > most) return {Match::no, 0};
+  const std::int64_t content = static_cast<std::int64_t>(sent) - length.plus -
+                               static_cast<std::int64_t>(length.range.second - length.range.first) + 1;
+  if (content < 0 || content > static_cast<std::int64_t>(FrameDescription::longest_frame)) return {Match::no, 0};
+  const Around place{first, first + 1, size(), size() - 1 + static_cast<std::size_t>(content)};
+  for (std::size_t i = place.last; i < place.whole && *place(i) < held.size(); ++i)
+    if (((held[*place(i)] ^ template_[i]) & constant_[i]) != std::byte{0}) return {Match::no, 0};
+  if (held.size() < place.frame) return {Match::unfinished, 0};
+  const std::span<const std::byte> frame = held.first(place.frame);
+  if (!has_lengths(frame, place)) return {Match::no, 0};
+  for (const Check& one : checks_) {
+    const FrameNumber type{FrameNumber::Format::unsigned_integer, one.check.size(), one.is_big};
+    if (((load_number(type, frame.data() + *place(one.offset)) ^ check_at(one, frame, place)) &
+         low_bits(static_cast<unsigned>(8 * type.bytes))) != 0)
+      return {Match::wrong_check, 0};
   }
-  constexpr std::size_t most_ranges = 16;
-  std::array<FrameCheck::Range, most_ranges> ranges;
-  const auto set_ranges = [&](const Check& one) {
-    for (std::size_t k = 0; k < one.ranges.size(); ++k) {
-      const auto from = place(one.ranges[k].first), to = place(one.ranges[k].second);
-      if (!from || !to || *from > *to) return false;
-      ranges[k] = {*from, *to};
-    }
-    return true;
-  };
-  for (const Check& one : whole_.checks)
-    if (one.ranges.size() > most_ranges || !place(one.offset) || !set_ranges(one)) return false;
-  for (const Check& one : whole_.checks) {
-    set_ranges(one);
-    const std::span<const FrameCheck::Range> all = std::span(ranges).first(one.ranges.size());
-    store_number(one.check.of(frame, all, one.extra, one.is_big),
-                 {FrameNumber::Format::unsigned_integer, one.check.size(), one.is_big},
+  return {Match::yes, place.frame};
+}
+
+std::vector<std::byte> FrameLayout::with_content(std::span<const std::byte> content) const {
+  std::vector<std::byte> frame = template_;
+  if (!variable_) return frame;
+  const auto at = frame.erase(frame.begin() + static_cast<std::ptrdiff_t>(*variable_));
+  frame.insert(at, content.begin(), content.end());
+  const Around place{*variable_, *variable_ + 1, size(), frame.size()};
+  for (const Whole::Length& one : whole_.lengths) {
+    const std::size_t bytes = *place(one.range.second) - *place(one.range.first);
+    store_number(static_cast<std::uint64_t>(static_cast<std::int64_t>(bytes / one.divisor) + one.plus), one.number,
                  frame.data() + *place(one.offset));
   }
-  return true;
+  return frame;
 }
 
 void FrameLayout::find_read_back() noexcept {
