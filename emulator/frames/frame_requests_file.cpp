@@ -193,16 +193,18 @@ std::vector<std::string> read_texts(TableReader& table, std::string_view key) {
   return texts;
 }
 
-void read_tests(TableReader& table, Host::Request& request) {
+std::vector<Host::Test> read_tests(TableReader& table, std::uint32_t line) {
+  std::vector<Host::Test> tests;
   const std::vector<std::string> requests = read_texts(table, "test_request"),
                                  answers = read_texts(table, "test_answer");
-  if (answers.size() > requests.size() || (!answers.empty() && answers.size() != requests.size()))
-    return table.fault("test_answer", fmt::format("there are {} answers to {} requests; give one to each, empty if "
-                                                  "the unit does not answer",
-                                                  answers.size(), requests.size()));
-  for (std::size_t i = 0; i < requests.size(); ++i)
-    request.tests.push_back(
-        {requests[i], answers.empty() ? "" : answers[i], line_of(*table.node("test_request"), request.line)});
+  if (!answers.empty() && answers.size() != requests.size())
+    table.fault("test_answer", fmt::format("there are {} answers to {} requests; give one to each, empty if "
+                                           "the unit does not answer",
+                                           answers.size(), requests.size()));
+  else
+    for (std::size_t i = 0; i < requests.size(); ++i)
+      tests.push_back({requests[i], answers.empty() ? "" : answers[i], line_of(*table.node("test_request"), line)});
+  return tests;
 }
 
 // Reads the lists of elements that {items} stands for.
@@ -246,9 +248,22 @@ Host::Request read_request(TableReader table, std::uint32_t line) {
   request.otherwise = read_answer(table, "otherwise", is_line);
   request.poll = table.text("poll", "");
   request.delay_ms = static_cast<std::uint32_t>(table.unsigned_integer("delay_ms", 0, Host::longest_delay));
-  read_tests(table, request);
+  request.tests = read_tests(table, line);
   table.finish();
   return request;
+}
+
+Host::Unknown read_unknown(TableReader table) {
+  Host::Unknown unknown;
+  if (table.has("layout")) unknown.layout = read_elements(table, "layout", *table.node("layout"));
+  require(table, "answer", "the answer to a line that no request matches, or, with a layout, to bytes of that form");
+  if (const toml::node* answer = table.node("answer")) unknown.line = answer->source().begin.line;
+  unknown.answer = read_answer(table, "answer", !table.has("layout"));
+  if (!table.has("layout") && !unknown.answer.layout.empty())
+    table.fault("layout", "missing; give the form of the bytes that are answered, or a text as the answer to lines");
+  if (table.has("layout")) unknown.tests = read_tests(table, unknown.line);
+  table.finish();
+  return unknown;
 }
 
 }  // namespace
@@ -274,12 +289,7 @@ void read_host(TableReader& root, Faults& faults, toml::table& resolved, FrameHo
     host.requests.push_back(read_request(
         TableReader(one, fmt::format("request.{}.", host.requests.size()), line, faults, resolved), line));
   }
-  if (!root.has("unknown")) return;
-  TableReader unknown = root.child("unknown");
-  require(unknown, "answer", "the answer to a line that no request matches");
-  if (unknown.has("answer"))
-    host.unknown_answer = {unknown.text("answer", ""), unknown.node("answer")->source().begin.line};
-  unknown.finish();
+  if (root.has("unknown")) host.unknown = read_unknown(root.child("unknown"));
 }
 
 std::vector<std::vector<FrameHostDescription::Choice>> read_test_settings(TableReader& message, std::size_t frames) {

@@ -44,9 +44,10 @@ std::string difference(std::span<const std::byte> got, std::span<const std::byte
   return "the unit answers " + shown(got) + ", not " + shown(wanted) + ": they differ at byte " + std::to_string(at);
 }
 
-std::optional<std::string> fault_of(const std::shared_ptr<const FrameRequests>& requests, std::size_t index,
-                                    const Host::Request& described, const Host::Test& test) {
-  const bool is_text = described.layout.empty();
+// `index`: of the request that the test is of, or else it is of none.
+std::optional<std::string> fault_of(const std::shared_ptr<const FrameRequests>& requests,
+                                    std::optional<std::size_t> index, bool is_text, bool is_text_answer,
+                                    const Host::Test& test) {
   auto sent = test_bytes(test.request, is_text);
   if (!sent || sent->empty()) return "must be bytes in hexadecimal, such as \"AA 55 01\"";
   if (is_text && !test.request.ends_with('\r') && !test.request.ends_with('\n')) sent->push_back(std::byte{'\r'});
@@ -55,11 +56,11 @@ std::optional<std::string> fault_of(const std::shared_ptr<const FrameRequests>& 
   const auto replies = std::make_unique<FrameBuffer>();
   host.receive(*sent, {}, unit, *replies);
   while (const auto due = host.deadline()) host.poll(*due, unit, *replies);
-  if (host.newest_request() != index || host.unknown_bytes() != 0)
-    return (is_text ? quoted_text(test.request) : test.request) + " is no request of this form";
+  if (host.newest_request() != index || (index && host.unknown_bytes() != 0))
+    return (is_text ? quoted_text(test.request) : test.request) +
+           (index ? " is no request of this form" : " is a known request");
   std::vector<std::byte> got;
   for (const Frame& frame : replies->frames()) got.insert(got.end(), frame.bytes.begin(), frame.bytes.end());
-  const bool is_text_answer = is_text && described.answer.layout.empty() && described.otherwise.layout.empty();
   const auto wanted = test_bytes(test.answer, is_text_answer);
   if (!wanted) return "test_answer must be bytes in hexadecimal, such as \"AA 55 01\"";
   if (got == *wanted) return std::nullopt;
@@ -143,11 +144,17 @@ void test_frame_requests(const FrameDescription& description) {
   std::vector<FrameFault> faults;
   for (std::size_t i = 0; i < description.host.requests.size(); ++i) {
     const Host::Request& described = description.host.requests[i];
+    const bool is_text = described.layout.empty();
+    const bool is_text_answer = is_text && described.answer.layout.empty() && described.otherwise.layout.empty();
     for (const Host::Test& test : described.tests)
-      if (auto fault = fault_of(requests, i, described, test))
+      if (auto fault = fault_of(requests, i, is_text, is_text_answer, test))
         faults.push_back({test.line, "request \"" + requests->all()[i].title.substr(0, 40) + "\": test_request",
                           std::move(*fault)});
   }
+  if (description.host.unknown)
+    for (const Host::Test& test : description.host.unknown->tests)
+      if (auto fault = fault_of(requests, std::nullopt, false, false, test))
+        faults.push_back({test.line, "unknown: test_request", std::move(*fault)});
   if (!faults.empty()) throw FrameFaults(description.file, std::move(faults));
 }
 
@@ -176,7 +183,9 @@ std::vector<std::string> frame_request_rows(const FrameDescription& description)
       rows.push_back({text_of(one), effect_of(one), text_of(one.answer)});
       if (one.otherwise.is_given()) rows.push_back({"", "a value that is not allowed", text_of(one.otherwise)});
     }
-    if (host.unknown_answer) rows.push_back({"any other line", "", text_of({host.unknown_answer, {}})});
+    if (const auto& other = host.unknown)
+      rows.push_back({other->layout.empty() ? "any other line" : "any other " + elements(other->layout), "",
+                      text_of(other->answer)});
     add_table(lines, rows);
   }
   return lines;

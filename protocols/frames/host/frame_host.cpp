@@ -70,6 +70,7 @@ std::size_t FrameHost::parse(std::span<const std::byte> held, DeviceTime now, Un
     execute(i, captures, now, unit, replies);
     return captures.bytes.size();
   }
+  if (const std::size_t size = parse_unknown(held, is_unfinished, unit, replies); size > 0) return size;
   if (requests_->has_lines()) {
     const auto end = std::ranges::find_if_not(held, is_printable);
     if (end == held.end())
@@ -78,6 +79,21 @@ std::size_t FrameHost::parse(std::span<const std::byte> held, DeviceTime now, Un
       return parse_line(held, static_cast<std::size_t>(end - held.begin()), is_unfinished, now, unit, replies);
   }
   return is_unfinished && held.size() < FrameHostDescription::longest_request ? Search::need_more : Search::reject;
+}
+
+// Answers bytes that are a whole frame, but no request. Returns 0 if they are not.
+std::size_t FrameHost::parse_unknown(std::span<const std::byte> held, bool& is_unfinished, const Unit& unit,
+                                     FrameBuffer& replies) noexcept {
+  const std::optional<FrameBytes>& form = requests_->unknown_form();
+  if (!form) return 0;
+  FrameCaptures captures;
+  const FrameLayout::Match match = form->match(held, requests_->settings(), captures);
+  const bool is_whole = match == FrameLayout::Match::yes && !is_unfinished;
+  is_unfinished |= match == FrameLayout::Match::unfinished;
+  if (!is_whole) return 0;
+  unknown_bytes_ += captures.bytes.size();
+  answer(requests_->unknown_answer(), captures, unit, replies);
+  return captures.bytes.size();
 }
 
 // `size`: of the line without its end.
@@ -97,7 +113,7 @@ std::size_t FrameHost::parse_line(std::span<const std::byte> held, std::size_t s
   }
   if (is_unfinished && held.size() < FrameHostDescription::longest_request) return Search::need_more;
   unknown_bytes_ += size;
-  answer(requests_->unknown_answer(), captures, unit, replies);
+  if (!requests_->unknown_form()) answer(requests_->unknown_answer(), captures, unit, replies);
   return size + 1;
 }
 

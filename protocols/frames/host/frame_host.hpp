@@ -55,7 +55,7 @@ class FrameHost {
   std::optional<unsigned> baud() const noexcept;
   // Returns the index of the request that was executed last, or refused by its own answer.
   std::optional<std::size_t> newest_request() const noexcept { return newest_request_; }
-  std::uint64_t unknown_bytes() const noexcept { return unknown_bytes_; }  // that no request matched
+  std::uint64_t unknown_bytes() const noexcept { return unknown_bytes_; }  // that no request matched, answered or not
   std::uint64_t lost_answers() const noexcept { return lost_answers_; }    // for which there was no room
 
  private:
@@ -69,6 +69,8 @@ class FrameHost {
 
   void start() noexcept;
   std::size_t parse(std::span<const std::byte> held, DeviceTime now, Unit& unit, FrameBuffer& replies) noexcept;
+  std::size_t parse_unknown(std::span<const std::byte> held, bool& is_unfinished, const Unit& unit,
+                            FrameBuffer& replies) noexcept;
   std::size_t parse_line(std::span<const std::byte> held, std::size_t size, bool is_unfinished, DeviceTime now,
                          Unit& unit, FrameBuffer& replies) noexcept;
   void execute(std::size_t index, const FrameCaptures& captures, DeviceTime now, Unit& unit,

@@ -153,14 +153,7 @@ FrameRequests::FrameRequests(const FrameDescription& description) : settings_(de
                        "there are more than " + std::to_string(FrameHostDescription::most_requests)});
   else
     for (const FrameHostDescription::Request& described : host.requests) add(description, described);
-  if (host.unknown_answer) {
-    attempt(host.unknown_answer->line, "unknown.answer", [&] {
-      if (!has_lines_) throw std::invalid_argument("only an unknown line is answered, and no request is a line");
-      const FrameLine any("{any}", false, settings_);
-      unknown_ = {description, {host.unknown_answer, {}}, "unknown.answer", &any, 0, false, settings_};
-    });
-    longest_answer_ = std::max(longest_answer_, unknown_.longest());
-  }
+  if (host.unknown) add_unknown(description, *host.unknown);
   if (faults_.empty()) check_overlaps();
   if (!faults_.empty()) throw FrameFaults(description.file, std::move(faults_));
 }
@@ -208,6 +201,28 @@ void FrameRequests::add(const FrameDescription& description, const FrameHostDesc
     fault("set", "missing: the request has a value of a setting, and changes nothing; give set = true");
   add_effects(description, described, request);
   all_.push_back(std::move(request));
+}
+
+void FrameRequests::add_unknown(const FrameDescription& description, const FrameHostDescription::Unknown& described) {
+  attempt(described.line, "unknown", [&] {
+    const bool is_line = described.layout.empty();
+    if (is_line && !has_lines_)
+      throw std::invalid_argument("no request is a line; give the layout of the bytes that are answered");
+    if (!is_line)
+      unknown_form_.emplace(description, described.layout, "unknown", FrameBytes::Role::request, 0, settings_);
+    if (unknown_form_ && unknown_form_->captures_values())
+      throw std::invalid_argument("what is unknown sets nothing; give _:N in place of the value");
+    const FrameLine any("{any}", false, settings_);
+    unknown_ = {description,
+                described.answer,
+                "unknown: answer",
+                is_line ? &any : nullptr,
+                is_line ? 0 : unknown_form_->fixed(),
+                false,
+                settings_};
+    longest_answer_ = std::max(longest_answer_, unknown_.longest());
+    needs_samples_ |= unknown_.has_quantities();
+  });
 }
 
 void FrameRequests::add_effects(const FrameDescription& description, const FrameHostDescription::Request& described,
@@ -288,6 +303,7 @@ void FrameRequests::check_overlaps() {
 
 std::vector<std::vector<std::byte>> FrameRequests::examples() const {
   std::vector<std::vector<std::byte>> all;
+  if (unknown_form_) all.push_back(unknown_form_->example(delivered_, settings_));
   for (const FrameRequest& request : all_) {
     if (request.bytes) {
       all.push_back(request.bytes->example(delivered_, settings_));

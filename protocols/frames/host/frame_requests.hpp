@@ -87,7 +87,9 @@ class FrameRequests {
   // Returns true if an answer has quantities of the newest sample.
   bool needs_samples() const noexcept { return needs_samples_; }
   std::size_t longest_answer() const noexcept { return longest_answer_; }  // bytes
-  const FrameAnswer& unknown_answer() const noexcept { return unknown_; }  // to a line that no request matches
+  // The answer where no request matches: to lines, or, if there is a form, to bytes of it.
+  const FrameAnswer& unknown_answer() const noexcept { return unknown_; }
+  const std::optional<FrameBytes>& unknown_form() const noexcept { return unknown_form_; }
   const std::vector<FrameValue>& delivered() const { return delivered_; }  // values of all settings
   std::optional<std::size_t> baud_setting() const noexcept { return baud_setting_; }
 
@@ -96,6 +98,7 @@ class FrameRequests {
 
  private:
   void add(const FrameDescription& description, const FrameHostDescription::Request& described);
+  void add_unknown(const FrameDescription& description, const FrameHostDescription::Unknown& described);
   void add_effects(const FrameDescription& description, const FrameHostDescription::Request& described,
                    FrameRequest& request);
   void check_overlaps();
@@ -106,6 +109,7 @@ class FrameRequests {
   FrameSettings settings_;
   std::vector<FrameRequest> all_;
   FrameAnswer unknown_;
+  std::optional<FrameBytes> unknown_form_;
   std::vector<FrameValue> delivered_;
   std::optional<std::size_t> baud_setting_;
   std::size_t longest_answer_ = 0;

@@ -74,7 +74,14 @@ struct FrameHostDescription {
   bool is_big = false;  // the byte order of numbers that have none of their own
   std::vector<Setting> settings;
   std::vector<Request> requests;
-  std::optional<Text> unknown_answer;  // to a line that no request matches
+  // The answer where no request matches: to lines, or to bytes of this form.
+  struct Unknown {
+    std::uint32_t line = 0;
+    std::vector<Text> layout;  // empty: lines
+    Answer answer;
+    std::vector<Test> tests;  // of bytes
+  };
+  std::optional<Unknown> unknown;
 };
 
 }  // namespace imud
