@@ -221,6 +221,7 @@ UartSettings FrameDevice::uart() const noexcept {
 
 void FrameDevice::poll_message(std::size_t message, DeviceTime, FrameBuffer& out) noexcept {
   Scheduled& one = scheduled_[message];
+  if (!one.is_allowed) return;
   if (!start_) {
     one.is_polled = true;
     return;
@@ -234,6 +235,8 @@ void FrameDevice::switch_messages() noexcept {
   for (Scheduled& one : scheduled_) {
     const FrameSwitch& by_settings = one.message.by_settings;
     one.is_on = by_settings.is_on(host_.values()) && host_.is_streaming();
+    one.is_allowed = all_hold(by_settings.when, host_.values());
+    one.is_polled &= one.is_allowed;
     one.message.layout->select(host_.values());
     if (!by_settings.rate) continue;
     const Nanoseconds period = by_settings.periods[host_.values()[*by_settings.rate]];

@@ -65,6 +65,7 @@ class FrameDevice final : public Device, private FrameHost::Unit {
     std::int64_t number = -1;  // of the message that was due last
     std::int64_t skew = 0;     // alive_counter is `number` plus this: polls, less what was due while switched off
     bool is_on = true;
+    bool is_allowed = true;  // by its settings: a poll sends it
     bool is_polled = false;  // before the first sample
     DeviceTime sent = {};
     Vector3 delta_angle = Vector3::Zero(), delta_velocity = Vector3::Zero();
