@@ -1,6 +1,6 @@
-// Random changes of the requests of each shipped description: no input makes a unit crash, hang or allocate, and a
-// request that no setting locks is executed afterwards. The environment variable IMUD_FUZZ_INPUTS sets the number of
-// inputs for each. Seeds are fixed.
+// Random changes of the requests of each shipped description, and of one with every form of requests: no input makes
+// a unit crash, hang or allocate, and a request that no setting locks is executed afterwards. The environment
+// variable IMUD_FUZZ_INPUTS sets the number of inputs for each. Seeds are fixed.
 #include <cstdlib>
 
 #include "protocols/frames/host/frame_requests.hpp"
@@ -23,18 +23,56 @@ std::vector<std::string> examples_of(const FrameDescription& description) {
 // Returns examples of the requests that are understood whatever the settings are.
 std::vector<std::string> unlocked_examples(FrameDescription description) {
   std::erase_if(description.host.requests, [](const auto& request) { return !request.when.empty(); });
+  description.host.unknown.reset();
   return examples_of(description);
 }
+
+constexpr std::string_view every_form = R"(
+frame_version = 1
+name = "every form"
+[setting]
+MASK = {min = 0, max = 0xFFFF, delivered = 5}
+HZ = {min = 0, max = 100, delivered = 50}
+TRIM = {min = -9, max = 9}
+FORM = {values = ["A", "B"], codes = [3, 4]}
+[[message]]
+name = "data"
+rate_hz = "HZ"
+when = {FORM = "A"}
+layout = ["@a", "3A", "length:u8:@b..@c", "@b", "MASK.0? rate_x_rad_per_s:f32", "MASK.1? delta_angle_x_rad:i16*1e-4 carry",
+  "MASK.2? bits:u8:0-3=alive_counter", "!MASK.15? 55 AA", "FORM=A? temperature_c:f64", "@c", "check:crc16/xmodem:@a.."]
+[[request]]
+layout = ["@a", "3A 01", "length:u16:@b..@c", "@b", "{MASK}:u16", "{items}", "@c", "check:sum16:@a.."]
+items = [["01", "{HZ}:u8"], ["02", "{FORM}:u16 be"], ["03", "_:4"]]
+set = true
+answer = ["AC", "{MASK}:u32", "{0-5}", "temperature_c:f32"]
+otherwise = "EE"
+[[request]]
+layout = ["@a", "3A 02", "length:u8:@b..@", "@b", "_:*", "{HZ}:u8", "check:xor8:@a.."]
+set = true
+poll = "data"
+delay_ms = 15
+answer = ["AC", "{0-2}"]
+[[request]]
+line = "{setting}={value}"
+set = true
+answer = "{setting} {value} {HZ} {TRIM} {MASK}\n"
+otherwise = "no {value}\n"
+[unknown]
+layout = ["@a", "3A", "_:1", "length:u8:@b..@c", "@b", "_:*", "@c", "check:sum8:@a.."]
+answer = ["15", "{1-2}"]
+)";
 
 TEST(FrameRequestFuzz, AnyBytesDoNoHarm) {
   const char* wanted = std::getenv("IMUD_FUZZ_INPUTS");
   const long inputs = wanted != nullptr ? std::atol(wanted) : 20'000;
   std::size_t listening = 0;
-  for (const ShippedFrames& shipped : shipped_frames()) {
-    const auto description = read_frames(std::string(shipped.name));
+  std::vector<std::shared_ptr<const FrameDescription>> all = {frames_of_text(every_form, "every form")};
+  for (const ShippedFrames& shipped : shipped_frames()) all.push_back(read_frames(std::string(shipped.name)));
+  for (const auto& description : all) {
     if (description->host.requests.empty()) continue;
     ++listening;
-    SCOPED_TRACE(shipped.name);
+    SCOPED_TRACE(description->file);
     const std::vector<std::string> examples = examples_of(*description), unlocked = unlocked_examples(*description);
     const std::vector<std::string_view> pieces(examples.begin(), examples.end());
     Line line(protocol_named("frame"), frame_settings(description));
@@ -77,7 +115,7 @@ TEST(FrameRequestFuzz, AnyBytesDoNoHarm) {
     }
     EXPECT_GT(device.counts()[1], 0U);
   }
-  EXPECT_GE(listening, 5U);
+  EXPECT_GE(listening, 6U);
 }
 
 }  // namespace
