@@ -19,6 +19,7 @@ struct DescribedField {
   unsigned width = 64;     // bits of a counter
   bool is_choice = false;  // of texts
   bool may_be_left_out = false;
+  std::string condition = {};  // of an optional element
 };
 
 std::vector<DescribedField> fields_of_bytes(const FrameDescription& description,
@@ -30,11 +31,11 @@ std::vector<DescribedField> fields_of_bytes(const FrameDescription& description,
       const FrameNumber& type = element.number;
       const double relative = type.format == FrameNumber::Format::float32 ? 1e-6 : type.is_float() ? 1e-13 : 1e-13;
       fields.push_back({element.source, type.is_float() ? 0 : std::abs(element.lsb), relative,
-                        static_cast<unsigned>(8 * type.bytes)});
+                        static_cast<unsigned>(8 * type.bytes), false, false, element.condition});
     }
     for (const FrameElement::BitField& bits : element.bit_fields)
       if (bits.source.kind != FrameSource::Kind::constant)
-        fields.push_back({bits.source, 0, 0, bits.high - bits.low + 1});
+        fields.push_back({bits.source, 0, 0, bits.high - bits.low + 1, false, false, element.condition});
   }
   return fields;
 }
@@ -118,19 +119,37 @@ void each_shipped_message(Act act) {
       SCOPED_TRACE(std::string(shipped.name) + ", message " + messages[i].name);
       const std::vector<DescribedField> fields = fields_of(*description, description->messages[i]);
       ASSERT_EQ(messages[i].layout->fields().size(), fields.size());
-      act(description->messages[i], *messages[i].layout, fields);
+      act(*description, description->messages[i], *messages[i].layout, fields);
     }
   }
 }
 
-void expect_fields(const MessageLayout& layout, std::span<const std::byte> frame,
-                   const std::vector<DescribedField>& fields, const Reading& reading,
-                   const MessageLayout::State& state, const FrameTestValues* given, int& compared) {
+// Returns the values of the settings with which a test frame was sent.
+std::vector<FrameValue> values_of(const FrameSettings& settings, const FrameDescription::Test& test) {
+  std::vector<FrameValue> values = settings.delivered();
+  for (const FrameHostDescription::Choice& choice : test.settings) {
+    const std::size_t setting = settings.at(choice.setting);
+    values[setting] = settings.value_at(setting, choice.values.front());
+  }
+  return values;
+}
+
+void expect_fields(const FrameSettings& settings, std::span<const FrameValue> chosen, MessageLayout& layout,
+                   std::span<const std::byte> frame, const std::vector<DescribedField>& fields,
+                   const Reading& reading, const MessageLayout::State& state, const FrameTestValues* given,
+                   int& compared) {
+  layout.select(chosen);
   std::vector<FieldValue> values(fields.size());
   layout.read_fields(frame, values);
   for (std::size_t i = 0; i < fields.size(); ++i) {
     SCOPED_TRACE(std::to_string(i) + ", " + layout.fields()[i]);
     EXPECT_EQ(layout.fields()[i], fields[i].source.name);
+    if (!fields[i].condition.empty()) {
+      const FrameCondition condition = settings.condition(fields[i].condition);
+      const bool is_sent = condition.allows(chosen[condition.setting]);
+      EXPECT_EQ(values[i].kind != FieldValue::Kind::left_out, is_sent);
+      if (!is_sent) continue;
+    }
     expect_field(fields[i], values[i], reading, state, given);
     ++compared;
   }
@@ -139,15 +158,17 @@ void expect_fields(const MessageLayout& layout, std::span<const std::byte> frame
 // The test frames are from outside: from documents, captures and other encoders.
 TEST(FrameFields, OfTestFramesAreTheirTestValues) {
   int compared = 0;
-  each_shipped_message([&](const FrameDescription::Message& message, const MessageLayout& layout,
-                           const std::vector<DescribedField>& fields) {
+  each_shipped_message([&](const FrameDescription& description, const FrameDescription::Message& message,
+                           MessageLayout& layout, const std::vector<DescribedField>& fields) {
+    const FrameSettings settings(description);
     for (const FrameDescription::Test& test : message.tests) {
       FrameTestValues given;
       for (const FrameDescription::Value& value : test.values) given.add(test_source(value.name), value.value);
       std::vector<std::byte> frame(test.frame.text.size());
       std::memcpy(frame.data(), test.frame.text.data(), frame.size());
       if (!message.text) frame = hex_bytes(test.frame.text);
-      expect_fields(layout, frame, fields, {given.sample}, given.state, &given, compared);
+      expect_fields(settings, values_of(settings, test), layout, frame, fields, {given.sample}, given.state, &given,
+                    compared);
     }
   });
   EXPECT_GE(compared, 800);
@@ -181,14 +202,16 @@ TEST(FrameFields, AreTheSamplesQuantitiesWithinAnLsb) {
   const Sample sample = sample_with_all();
   const Reading reading{sample, sample.delta_angle, sample.delta_velocity, exp(sample.delta_angle), 0.01};
   const MessageLayout::State state{2, 3, false};
-  each_shipped_message(
-      [&](const FrameDescription::Message&, const MessageLayout& layout, const std::vector<DescribedField>& fields) {
-        std::vector<std::byte> frame(layout.longest());
-        std::vector<double> carried(layout.carries());
-        const auto [size, saturated] = layout.encode(reading, state, carried, frame);
-        EXPECT_EQ(saturated, 0U);
-        expect_fields(layout, std::span(frame).first(size), fields, reading, state, nullptr, compared);
-      });
+  each_shipped_message([&](const FrameDescription& description, const FrameDescription::Message&,
+                           MessageLayout& layout, const std::vector<DescribedField>& fields) {
+    const FrameSettings settings(description);
+    std::vector<std::byte> frame(layout.longest());
+    std::vector<double> carried(layout.carries());
+    const auto [size, saturated] = layout.encode(reading, state, carried, frame);
+    EXPECT_EQ(saturated, 0U);
+    expect_fields(settings, settings.delivered(), layout, std::span(frame).first(size), fields, reading, state,
+                  nullptr, compared);
+  });
   EXPECT_GE(compared, 450);
 }
 
