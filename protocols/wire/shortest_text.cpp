@@ -3,10 +3,12 @@
 #include <fmt/format.h>
 
 #include <array>
+#include <boost/endian/conversion.hpp>
 #include <charconv>
 #include <cmath>
 #include <cstdint>
 #include <cstdlib>
+#include <cstring>
 
 namespace imud {
 namespace {
@@ -21,6 +23,30 @@ constexpr auto powers_of_ten = [] {
   for (std::size_t i = 1; i < powers.size(); ++i) powers[i] = 10 * powers[i - 1];
   return powers;
 }();
+
+// Writes the eight digits of `number`, which is below 10^8. Each step halves the groups of digits in all parts of the
+// word at once: x / 100 = x * 5243 >> 19 for x below 10^4, and x / 10 = x * 103 >> 10 for x below 100.
+void write_eight(char* at, std::uint64_t number) noexcept {
+  const std::uint64_t fours = number / 10'000 + (number % 10'000 << 32U);
+  const std::uint64_t hundreds = fours * 5243 >> 19U & 0x0000'007F'0000'007F;
+  const std::uint64_t twos = hundreds + ((fours - 100 * hundreds) << 16U);
+  const std::uint64_t tens = twos * 103 >> 10U & 0x000F'000F'000F'000F;
+  const std::uint64_t ones = tens + ((twos - 10 * tens) << 8U);
+  const std::uint64_t text = boost::endian::native_to_little(ones + 0x3030'3030'3030'3030);
+  std::memcpy(at, &text, sizeof text);
+}
+
+// Writes the `count` digits of `number`, and zeros behind them, all_digits characters in total. Returns the end of
+// the digits.
+char* write_digits(char* at, std::uint64_t number, int count) noexcept {
+  constexpr std::uint64_t eight = 100'000'000;
+  const std::uint64_t padded = number * powers_of_ten[static_cast<std::size_t>(all_digits - count)];
+  const std::uint64_t nine = padded / eight;
+  *at = static_cast<char>('0' + nine / eight);
+  write_eight(at + 1, nine % eight);
+  write_eight(at + 9, padded % eight);
+  return at + count;
+}
 
 // Rounds the exact value of `magnitude` to `digits` significant digits.
 Decimal rounded_exactly(double magnitude, int digits) noexcept {
@@ -75,18 +101,16 @@ template <bool is_limited>
   const int fixed = exponent >= 0 ? before_point : before_point > 0 ? count + 1 : count + 2 - before_point;
   const bool is_fixed = fixed <= scientific;
   if (is_fixed && before_point <= 0) {
-    *at++ = '0';
-    *at++ = '.';
-    for (int i = before_point; i < 0; ++i) *at++ = '0';
-    return fmt::detail::format_decimal<char>(at, significand, count).end;
+    std::memcpy(at, "0.000", 5);  // with more zeros behind the point, the scientific text would be shorter
+    return write_digits(at + 2 - before_point, significand, count);
   }
   if (is_fixed && exponent >= 0) {
-    at = fmt::detail::format_decimal<char>(at, significand, count).end;
+    at = write_digits(at, significand, count);
     for (int i = 0; i < exponent; ++i) *at++ = '0';
     return at;
   }
   // The digits before the point move to the left, and the point takes the place of the last of them.
-  char* const end = fmt::detail::format_decimal<char>(at + 1, significand, count).end;
+  char* const end = write_digits(at + 1, significand, count);
   for (int i = is_fixed ? before_point : 1; i > 0; --i, ++at) at[0] = at[1];
   *at = '.';
   if (is_fixed) return end;
