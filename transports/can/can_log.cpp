@@ -48,12 +48,18 @@ char* append(char* at, const Format& format, Values&&... values) noexcept {
   return fmt::format_to(at, format, std::forward<Values>(values)...);
 }
 
-char* append_data(char* at, std::span<const std::byte> bytes, std::string_view before) noexcept {
-  constexpr std::string_view hex = "0123456789ABCDEF";
+// Appends the last `count` digits of `number`, leading zeros included.
+template <unsigned base>
+char* append_digits(char* at, std::uint64_t number, std::size_t count) noexcept {
+  for (std::size_t i = count; i > 0; number /= base) at[--i] = "0123456789ABCDEF"[number % base];
+  return at + count;
+}
+
+// Appends `bytes` as hexadecimal digits; `is_apart`: a blank before each.
+char* append_data(char* at, std::span<const std::byte> bytes, bool is_apart) noexcept {
   for (const std::byte byte : bytes) {
-    at = std::copy(before.begin(), before.end(), at);
-    *at++ = hex[std::to_integer<unsigned>(byte) >> 4U];
-    *at++ = hex[std::to_integer<unsigned>(byte) & 15U];
+    if (is_apart) *at++ = ' ';
+    at = append_digits<16>(at, std::to_integer<std::uint8_t>(byte), 2);
   }
   return at;
 }
@@ -87,26 +93,35 @@ std::size_t write_can_log(CanLogFormat format, const Frame& frame, Nanoseconds t
                      rest = us % 1'000'000;
   const std::size_t size = frame.bytes.size(), length = can.fd ? fd_length(size) : size;
   char* at = line.data();
-  const auto append_padded = [&](std::string_view before) {
-    at = append_data(at, frame.bytes, before);
+  const auto append_padded = [&](bool is_apart) {
+    at = append_data(at, frame.bytes, is_apart);
     constexpr std::array<std::byte, CANFD_MAX_DLEN> zeros{};
-    at = append_data(at, std::span(zeros).first(length - size), before);
+    at = append_data(at, std::span(zeros).first(length - size), is_apart);
   };
   if (format == CanLogFormat::candump) {
-    at = append(at, FMT_COMPILE("({:010}.{:06}) {} "), second, rest, interface);
-    at = can.extended ? append(at, FMT_COMPILE("{:08X}#"), can.id) : append(at, FMT_COMPILE("{:03X}#"), can.id);
+    // An int64_t of ns has at most ten digits of seconds.
+    *at++ = '(';
+    at = append_digits<10>(at, static_cast<std::uint64_t>(second), 10);
+    *at++ = '.';
+    at = append_digits<10>(at, static_cast<std::uint64_t>(rest), 6);
+    *at++ = ')';
+    *at++ = ' ';
+    at = std::copy(interface.begin(), interface.end(), at);
+    *at++ = ' ';
+    at = append_digits<16>(at, can.id, can.extended ? 8 : 3);
+    *at++ = '#';
     if (can.remote)
       at = size > 0 ? append(at, FMT_COMPILE("R{}"), size) : append(at, FMT_COMPILE("R"));
     else if (can.fd)
       at = append(at, FMT_COMPILE("#{:X}"), can.bit_rate_switch ? CANFD_BRS : 0);
-    if (!can.remote) append_padded("");
+    if (!can.remote) append_padded(false);
   } else {
     at = append(at, FMT_COMPILE("{:4}.{:06} "), second, rest);
     const unsigned channel = channel_of(interface);
     if (can.fd) {
       at = append(at, FMT_COMPILE("CANFD {:3} Rx{:11X}{}{:33} {} 0 {:x} {:2}"), channel, can.id,
                   can.extended ? 'x' : ' ', "", can.bit_rate_switch ? 1 : 0, dlc_of(size), length);
-      append_padded(" ");
+      append_padded(true);
       // Duration, length and the fields after the flags are not known; can-utils writes the same numbers.
       at = append(at, FMT_COMPILE(" {:>8} {:>4} {:8X} 0 0 0 0 0"), 130000, 130,
                   asc_fd | (can.bit_rate_switch ? asc_bit_rate_switch : 0));
@@ -115,7 +130,7 @@ std::size_t write_can_log(CanLogFormat format, const Frame& frame, Nanoseconds t
       constexpr std::ptrdiff_t columns = 3 + 15;  // of channel and identifier
       at = std::fill_n(id, std::max<std::ptrdiff_t>(0, columns - (id - at)), ' ');
       at = append(at, FMT_COMPILE(" Rx   {} {}"), can.remote ? 'r' : 'd', size);
-      if (!can.remote) append_padded(" ");
+      if (!can.remote) append_padded(true);
     }
   }
   *at++ = '\n';
