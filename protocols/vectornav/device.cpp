@@ -31,7 +31,8 @@ class VectorNavDevice final : public Device {
   void sample(const Sample& sample, FrameBuffer& out) noexcept override {
     const bool has_event = pins_.sample(active_.sync, pulse_source(), sample);
     if (active_.sync.in == SyncControl::In::imu_sample && !has_event) {
-      const Sample before = sample_, raw_before = raw_;
+      const Sample before = sample_;
+      const Sensed raw_before = raw_;
       compensate(sample);  // only its increments count
       sample_ = before;
       raw_ = raw_before;
@@ -77,7 +78,6 @@ class VectorNavDevice final : public Device {
   void step_clock(Nanoseconds by) noexcept override {
     start_ = start_ + by;
     sample_.time = sample_.time + by;
-    raw_.time = raw_.time + by;
     pins_.step_clock(by);
     for (Reader& reader : readers_) reader.step_clock(by);
   }
@@ -136,6 +136,7 @@ class VectorNavDevice final : public Device {
   void reset(DeviceTime now) noexcept {
     active_ = stored_;
     dcm_ = active_.reference_frame;
+    q_ = Quaternion(dcm_.transpose()).normalized();
     tare_.setIdentity();
     paused_ = {};
     pins_.reset();
@@ -143,25 +144,22 @@ class VectorNavDevice final : public Device {
     start_ = now;
     sample_ = {};
     sample_.time = now;
-    raw_ = sample_;
+    raw_ = {};
     sums_ = {};
   }
 
   void compensate(const Sample& sample) noexcept {
     const auto& [magnetometer, accelerometer, gyro] = active_.calibrations;
     const double dt = 1 / model_.internal_hz;
-    raw_ = sample;
+    raw_ = {dcm_ * sample.magnetic_field, dcm_ * sample.specific_force, dcm_ * sample.rate};
     sample_ = sample;
-    for (Vector3* vector :
-         {&raw_.magnetic_field, &raw_.specific_force, &raw_.rate, &sample_.delta_angle, &sample_.delta_velocity})
-      *vector = dcm_ * *vector;
     constexpr double gauss = 1e-4;
     sample_.magnetic_field = gauss * magnetometer(raw_.magnetic_field / gauss);
     sample_.specific_force = accelerometer(raw_.specific_force);
     sample_.rate = gyro(raw_.rate);
-    sample_.delta_velocity = accelerometer.gain * (sample_.delta_velocity - dt * accelerometer.bias);
-    sample_.delta_angle = gyro.gain * (sample_.delta_angle - dt * gyro.bias);
-    sample_.q_LP = sample.q_LP * Quaternion(dcm_.transpose()).normalized();
+    sample_.delta_velocity = accelerometer.gain * (dcm_ * sample.delta_velocity - dt * accelerometer.bias);
+    sample_.delta_angle = gyro.gain * (dcm_ * sample.delta_angle - dt * gyro.bias);
+    sample_.q_LP = sample.q_LP * q_;
     const std::size_t used = is_second_connected_ ? sums_.size() : sums_.size() - 1;
     for (std::size_t i = 0; i < used; ++i) sums_[i].add(sample_, dt);
   }
@@ -357,12 +355,14 @@ class VectorNavDevice final : public Device {
   Configuration stored_, active_;
   std::array<bool, uarts> paused_ = {};
   SyncPins pins_;
-  std::uint64_t events_ = 0;           // of SyncIn at which the IMU has sampled
-  DeviceTime start_;                   // time of power-on or reset
-  Matrix3 dcm_ = Matrix3::Identity();  // register 26: to the host's axes
+  std::uint64_t events_ = 0;               // of SyncIn at which the IMU has sampled
+  DeviceTime start_;                       // time of power-on or reset
+  Matrix3 dcm_ = Matrix3::Identity();      // register 26: to the host's axes
+  Quaternion q_ = Quaternion::Identity();  // from the host's axes
   Quaternion tare_ = Quaternion::Identity();
   OwnFigures figures_;
-  Sample raw_, sample_;                     // the newest sample, as sensed and compensated
+  Sensed raw_;
+  Sample sample_;                           // the newest, compensated
   std::array<Sums, of_text + uarts> sums_;  // since the binary outputs, text and register 80 were last sent
   std::array<Reader, uarts> readers_;
 };

@@ -6,8 +6,9 @@
 namespace imud::vectornav {
 namespace {
 
-constexpr const char *angle = "%+08.3f", *rates = "%+010.6f", *speed = "%+08.3f", *metres = "%+010.3f",
-                     *accelerations = "%+07.3f", *magnetics = "%+08.4f", *r_E = "%+012.3f", *metres_heave = "%+08.3f";
+constexpr Digits angle = {3, 8, true}, rates = {6, 10, true}, speed = {3, 8, true}, metres = {3, 10, true},
+                 accelerations = {3, 7, true}, magnetics = {4, 8, true}, r_E = {3, 12, true},
+                 metres_heave = {3, 8, true};
 
 void put_hexadecimal(unsigned bits, const char* format, Message& message) noexcept {
   std::array<char, 8> text;
@@ -18,44 +19,44 @@ void put_hexadecimal(unsigned bits, const char* format, Message& message) noexce
 using Part = void (*)(const Quantities& now, Message& message);
 using Q = Quantities;
 
-// Writes a vector in one of the formats above.
-template <auto Quantity, const char* const& Format>
+// Writes a vector in one of the forms above.
+template <auto Quantity, const Digits& Format>
 void vector(const Q& now, Message& message) {
   message.put((now.*Quantity)(), Format);
 }
 
 void quaternion(const Q& now, Message& message) {
   const Quaternion q = now.tared_q();
-  for (const double part : {q.x(), q.y(), q.z(), q.w()}) message.put(part, "%+09.6f");
+  for (const double part : {q.x(), q.y(), q.z(), q.w()}) message.put(part, {6, 9, true});
 }
 void lla(const Q& now, Message& message) {
-  message.put(now.lla()[0], "%+012.8f").put(now.lla()[1], "%+013.8f").put(now.lla()[2], metres);
+  message.put(now.lla()[0], {8, 12, true}).put(now.lla()[1], {8, 13, true}).put(now.lla()[2], metres);
 }
-void gps_time(const Q& now, Message& message) {
-  message.put(now.time_of_week_s(), "%013.6f").put(now.week(), "%04.0f");
-}
-void fix(const Q& now, Message& message) { message.put(now.fix(), "%.0f").put(now.satellites(), "%02.0f"); }
+void gps_time(const Q& now, Message& message) { message.put(now.time_of_week_s(), {6, 13}).put(now.week(), {0, 4}); }
+void fix(const Q& now, Message& message) { message.put(now.fix(), {}).put(now.satellites(), {0, 2}); }
 void gnss_errors(const Q& now, Message& message) {
   message.put(now.position_errors_m(), speed).put(now.velocity_error_m_per_s(), speed);
-  message.put(now.time_error_s(), "%.2E");
+  std::array<char, 24> time_error;
+  std::snprintf(time_error.data(), time_error.size(), ",%.2E", now.time_error_s());
+  message.put(time_error.data());
 }
 void ins_status(const Q& now, Message& message) { put_hexadecimal(now.ins_status(), ",%04X", message); }
 void ins_errors(const Q& now, Message& message) {
-  message.put(now.ins_attitude_error_deg(), "%04.1f").put(now.position_error_m(), "%04.1f");
-  message.put(now.velocity_error_m_per_s(), "%04.2f");
+  message.put(now.ins_attitude_error_deg(), {1, 4}).put(now.position_error_m(), {1, 4});
+  message.put(now.velocity_error_m_per_s(), {2, 4});
 }
 void environment(const Q& now, Message& message) {
-  message.put(now.temperature_c(), "%+05.1f").put(now.pressure_kpa(), "%+08.3f");
+  message.put(now.temperature_c(), {1, 5, true}).put(now.pressure_kpa(), {3, 8, true});
 }
 void increments(const Q& now, Message& message) {
-  message.put(now.dt(), "%+09.6f").put(now.delta_angle_deg(), angle).put(now.delta_velocity(), speed);
+  message.put(now.dt(), {6, 9, true}).put(now.delta_angle_deg(), angle).put(now.delta_velocity(), speed);
 }
 
 // Firmware 3 (SDK 0.99, Interface/Registers.hpp). The sea is calm: heave, heave rate and delayed heave are zero.
 void heave(const Q&, Message& message) { message.put(Vector3::Zero(), metres_heave); }
 void sync_status(const Q& now, Message& message) {
   for (const std::uint32_t number : {now.sync_in_count(), now.since_sync_in_us(), now.sync_out_count()})
-    message.put(number, "%.0f");
+    message.put(number, {});
 }
 // Satellites for position, and for the baseline, and carrier-to-noise density in dBHz: of receiver A, of B; the
 // satellites that both have.
@@ -63,10 +64,10 @@ void signal_health(const Q& now, Message& message) {
   const double satellites = now.satellites(), density = now.has_fix() ? 50 : 0;
   for (const double number :
        {satellites, satellites, density, satellites, satellites, density, satellites, satellites})
-    message.put(number, "%.1f");
+    message.put(number, {1});
 }
 void compass_startup(const Q& now, Message& message) {
-  message.put(now.has_fix() ? 100 : 0, "%.0f").put(now.has_fix() ? now.tared_ypr_deg()[0] : 0, angle);
+  message.put(now.has_fix() ? 100 : 0, {}).put(now.has_fix() ? now.tared_ypr_deg()[0] : 0, angle);
 }
 
 constexpr Part ypr = vector<&Q::tared_ypr_deg, angle>;

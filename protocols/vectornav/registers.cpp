@@ -292,7 +292,7 @@ Error put_register(const Configuration& c, const Model& model, unsigned id, unsi
       const auto which = uart_in(uart.empty() ? "?" : uart, asking);
       if (!which) return bad_parameter;
       Configuration::SerialPort settings = c.ports[*which];
-      message.put(number_of(settings, id), "%.0f");
+      message.put(number_of(settings, id), {});
       if (!uart.empty()) text(*which == 0 ? "1" : "2");
       return none;
     }

@@ -1,6 +1,8 @@
 // Checksums, words and text messages.
 #include <algorithm>
+#include <array>
 #include <boost/crc.hpp>
+#include <charconv>
 #include <cmath>
 #include <cstdio>
 #include <cstring>
@@ -92,13 +94,19 @@ Message& Message::put(std::string_view text) noexcept {
     if (size_ < text_.size() - 16) text_[size_++] = c;
   return *this;
 }
-Message& Message::put(double number, const char* format) noexcept {
-  std::array<char, 40> digits;
-  const int size = std::snprintf(digits.data(), digits.size(), format, number);
-  return put(",").put({digits.data(), static_cast<std::size_t>(std::clamp(size, 0, 39))});
+Message& Message::put(double number, const Digits& digits) noexcept {
+  std::array<char, 352> text;  // the largest number has 309 digits before its point
+  const char* const end = std::to_chars(text.data(), text.data() + text.size(), std::abs(number),
+                                        std::chars_format::fixed, digits.decimals)
+                              .ptr;
+  const std::string_view magnitude(text.data(), static_cast<std::size_t>(end - text.data()));
+  const std::string_view sign = std::signbit(number) ? "-" : digits.has_plus ? "+" : "";
+  put(",").put(sign);
+  for (std::size_t size = sign.size() + magnitude.size(); size < digits.width; ++size) put("0");
+  return put(magnitude);
 }
-Message& Message::put(const Vector3& vector, const char* format) noexcept {
-  for (int i = 0; i < 3; ++i) put(vector[i], format);
+Message& Message::put(const Vector3& vector, const Digits& digits) noexcept {
+  for (int i = 0; i < 3; ++i) put(vector[i], digits);
   return *this;
 }
 void Message::send() noexcept {

@@ -84,6 +84,13 @@ struct Words {
 // Parses a number, on which a plus is allowed. Returns nullopt if the text is not a finite number.
 std::optional<double> real_in(std::string_view text) noexcept;
 
+// The form of a number in a text message: {3, 8, true} is printf()'s "%+08.3f".
+struct Digits {
+  int decimals = 0;
+  std::size_t width = 0;  // of the text with its sign, at least, with zeros before the digits
+  bool has_plus = false;  // before a number without a minus
+};
+
 // Writes a text message; send() adds the checksum and sends the message.
 class Message {
  public:
@@ -92,8 +99,8 @@ class Message {
     text_[size_++] = '$';
   }
   Message& put(std::string_view text) noexcept;
-  Message& put(double number, const char* format) noexcept;  // both: a comma first, in printf()'s format
-  Message& put(const Vector3& vector, const char* format) noexcept;
+  Message& put(double number, const Digits& digits) noexcept;  // both: a comma first
+  Message& put(const Vector3& vector, const Digits& digits) noexcept;
   void send() noexcept;
 
  private:
@@ -205,11 +212,18 @@ struct Sums {
   }
 };
 
+// The measurements without compensation, in the host's reference frame; zeros before the first sample.
+struct Sensed {
+  Vector3 magnetic_field = Vector3::Zero();  // T
+  Vector3 specific_force = Vector3::Zero();  // m/s^2
+  Vector3 rate = Vector3::Zero();            // rad/s
+};
+
 // The data that messages and fields report.
 struct Reading {
   const Model& model;
   const Sample& sample;  // compensated, in the host's reference frame; zeros before the first one
-  const Sample& raw;     // as sensed
+  const Sensed& raw;
   const OwnFigures& figures;
   const Quaternion&
       tare;  // rotation from north-east-down to the frame set by VNTAR; applied to reported attitudes only

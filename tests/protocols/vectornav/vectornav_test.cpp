@@ -1,6 +1,14 @@
 // VectorNav against what its clients send and expect.
 #include <gtest/gtest.h>
 
+#include <array>
+#include <cstdio>
+#include <random>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
 #include "core/attitude.hpp"
 #include "core/units.hpp"
 #include "tests/protocols/recording.hpp"
@@ -16,6 +24,31 @@ using namespace vectornav_test;
 TEST(VectorNav, TheChecksumOfTheseTestsIsTheirs) {
   EXPECT_EQ(crc16("ROCK"), 0x08FFU);
   EXPECT_EQ(crc16("12345678"), 0x9015U);
+}
+
+TEST(VectorNav, NumbersAreAsPrintfWritesThem) {
+  constexpr struct {
+    vectornav::Digits digits;
+    const char* format;
+  } forms[] = {{{3, 8, true}, "%+08.3f"},    {{6, 10, true}, "%+010.6f"}, {{8, 13, true}, "%+013.8f"},
+               {{6, 13}, "%013.6f"},         {{0, 4}, "%04.0f"},          {{1}, "%.1f"},
+               {vectornav::Digits{}, "%.0f"}};
+  std::vector<double> numbers = {0.0, -0.0, 0.5, 1.5, 2.5, -0.5, 0.0005, -0.0005, 0.0015, 0.125, 999.9995, -1e15};
+  std::mt19937_64 random(1);
+  std::normal_distribution<double> normal;
+  for (int i = 0; i < 5000; ++i)
+    for (const double scale : {1e-4, 1.0, 1e3, 1e9}) numbers.push_back(scale * normal(random));
+  FrameBuffer out;
+  for (const auto& form : forms)
+    for (const double number : numbers) {
+      out.clear();
+      vectornav::Message(out, vectornav::Form::two_digits, 0).put(number, form.digits).send();
+      const std::span<const std::byte> bytes = out.frames()[0].bytes;
+      const std::string_view sent(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+      std::array<char, 64> text;
+      std::snprintf(text.data(), text.size(), form.format, number);
+      ASSERT_EQ(sent.substr(2, sent.find('*') - 2), text.data());
+    }
 }
 
 // Lines as vnproglib, the SDK and ArduPilot sent them.
