@@ -1,7 +1,6 @@
 // Datagrams of the STIM300: the declarations shared by encoder and decoder.
 #pragma once
 
-#include <boost/crc.hpp>
 #include <cstdint>
 #include <memory>
 #include <span>
@@ -25,12 +24,7 @@ static_assert(identifier(0b0111, false) == 0xA7 && identifier(0b1111, true) == 0
               identifier(0b1100, true) == 0x9C);
 
 // Returns the CRC-32 of a datagram's fields, padded with zeros to a multiple of 4 bytes (section 5.5.7).
-inline std::uint32_t crc_of(std::span<const std::byte> bytes) noexcept {
-  boost::crc_optimal<32, 0x04C11DB7, 0xFFFFFFFF, 0, false, false> crc;
-  crc.process_bytes(bytes.data(), bytes.size());
-  for (std::size_t n = bytes.size(); n % 4 != 0; ++n) crc.process_byte(0);
-  return crc.checksum();
-}
+std::uint32_t crc_of(std::span<const std::byte> bytes) noexcept;
 
 // Returns the size in bytes of a datagram with that identifier, without CR LF; 0 if there is none.
 std::size_t datagram_size_of(unsigned id) noexcept;
