@@ -147,7 +147,7 @@ void ColumnTruthDecoder::describe_missing(RemarkWriter& out) const noexcept {
 void ColumnTruthDecoder::describe_number(TruthResult result, RemarkWriter& out) const noexcept {
   for (std::size_t i = 0; i < columns_.wanted().size(); ++i) {
     if (!columns_.has(i) || !reads(i)) continue;
-    const std::string_view field = columns_.field(i);
+    const std::string_view field = unquoted(columns_.field(i));
     const std::optional<double> number = parse_real(field);
     const double largest = largest_of(fields_[i]);
     const bool is_cause = !number                       ? result == TruthResult::bad_number

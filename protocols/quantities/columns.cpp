@@ -1,8 +1,10 @@
 #include "protocols/quantities/columns.hpp"
 
 #include <algorithm>
+#include <charconv>
 #include <cstring>
 #include <stdexcept>
+#include <system_error>
 #include <utility>
 #include <vector>
 
@@ -18,6 +20,9 @@ std::optional<Number> parse(std::string_view field) noexcept {
   if (field.size() > 1 && field[0] == '+' && field[1] != '-') field.remove_prefix(1);
   return number_in<Number>(field);
 }
+
+// Returns whether the text of a quantity is one number.
+bool is_plain(QuantityKind kind) noexcept { return kind != QuantityKind::time && kind != QuantityKind::text; }
 
 }  // namespace
 
@@ -179,6 +184,28 @@ bool ColumnTruthDecoder::choose() noexcept {
   return has_one == needs_one && assembly_.choose(given, axes_, fault);
 }
 
+// Reads a row whose numbers have neither blanks nor quotes, as most are: where a number ends, its field must end. Any
+// other row, wrong ones among them, has to be split. Returns false for these.
+bool ColumnTruthDecoder::read_plain(std::string_view row) noexcept {
+  for (std::size_t column = 0; column < columns_.count(); ++column) {
+    const std::size_t wanted = columns_.wanted_at(column);
+    std::size_t size = 0;
+    if (reads(wanted) && is_plain(fields_[wanted].kind)) {
+      double number = 0;
+      const auto [end, error] = std::from_chars(row.data(), row.data() + row.size(), number);
+      if (error != std::errc() || reading_.set(fields_[wanted], number) != TruthResult::ok) return false;
+      size = static_cast<std::size_t>(end - row.data());
+    } else {
+      size = std::min(row.find(columns_.delimiter()), row.size());
+      if (reads(wanted) && reading_.set(fields_[wanted], row.substr(0, size)) != TruthResult::ok) return false;
+    }
+    if (size == row.size()) return column + 1 == columns_.count();
+    if (row[size] != columns_.delimiter()) return false;
+    row.remove_prefix(size + 1);
+  }
+  return false;
+}
+
 TruthResult ColumnTruthDecoder::decode(std::string_view line, Truth& truth) noexcept {
   if (line.starts_with("\xEF\xBB\xBF")) line.remove_prefix(3);
   row_ = without_blanks(line);  // a tab may be the delimiter of an empty field
@@ -196,6 +223,11 @@ TruthResult ColumnTruthDecoder::decode(std::string_view line, Truth& truth) noex
       return enough_ ? TruthResult::no_state : TruthResult::no_columns;
   }
   if (!enough_) return TruthResult::no_columns;
+  if (read_plain(row_)) {
+    const TruthResult result = assembly_.convert(reading_, truth);
+    if (result != TruthResult::ok) columns_.split(row_);  // describe() needs its fields
+    return result;
+  }
   auto result = columns_.split(row_);
   if (result != TruthResult::ok) return result;
   for (std::size_t i = 0; i < wanted_.names.size() && result == TruthResult::ok; ++i)

@@ -63,11 +63,15 @@ class Columns {
   // Returns true if the `count` wanted columns from index `first` on are all present.
   bool has(std::size_t first, std::size_t count = 1) const noexcept;
 
+  // Returns the index of the wanted name of a column, below count(); wanted().size() or more if it is none.
+  std::size_t wanted_at(std::size_t column) const noexcept { return wanted_at_[column]; }
+
   // Splits a row into fields, which are views into `row`. Returns ok, too_short or too_long.
   TruthResult split(std::string_view row) noexcept;
 
-  // The field of a wanted column, which must be present (has()), in the row that was split last.
-  std::string_view field(std::size_t wanted) const noexcept { return unquoted(fields_[wanted]); }
+  // The field of a wanted column, which must be present (has()), in the row that was split last, with its blanks and
+  // quotes.
+  std::string_view field(std::size_t wanted) const noexcept { return fields_[wanted]; }
 
  private:
   static constexpr std::uint8_t unwanted = max_wanted;
@@ -127,7 +131,10 @@ class ColumnTruthDecoder : public LineTruthDecoder {
   virtual Kind kind(std::string_view& row) const noexcept = 0;
 
   bool choose() noexcept;
-  bool reads(std::size_t wanted) const noexcept { return ((used_ >> wanted) & 1U) != 0; }
+  bool read_plain(std::string_view row) noexcept;
+  bool reads(std::size_t wanted) const noexcept {
+    return wanted < Columns::max_wanted && ((used_ >> wanted) & 1U) != 0;
+  }
   void describe_header(RemarkWriter& out) const noexcept;
   void describe_missing(RemarkWriter& out) const noexcept;
   void describe_number(TruthResult result, RemarkWriter& out) const noexcept;
