@@ -241,14 +241,15 @@ FrameBytes::FrameBytes(const FrameDescription& description, std::span<const Fram
     throw FrameFaults(description.file, {{elements.front().line, place, "has too many captures"}});
 }
 
-void FrameCaptures::add(std::size_t setting, std::optional<FrameValue> value) noexcept {
-  is_allowed &= value.has_value();
-  if (!value) return;
-  const auto known = std::ranges::find(std::span(chosen).first(count), setting, &FrameChosen::setting);
-  if (known != std::span(chosen).first(count).end())
-    known->value = *value;
+void FrameCaptures::add(std::size_t index, std::optional<FrameValue> chosen_value) noexcept {
+  is_allowed &= chosen_value.has_value();
+  if (!chosen_value) return;
+  const std::span<FrameChosen> all = std::span(chosen).first(count);
+  const auto known = std::ranges::find(all, index, &FrameChosen::setting);
+  if (known != all.end())
+    known->value = *chosen_value;
   else
-    chosen[count++] = {setting, *value};
+    chosen[count++] = {index, *chosen_value};
 }
 
 // `bytes`: a whole request, or item.

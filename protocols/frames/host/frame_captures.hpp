@@ -29,8 +29,8 @@ struct FrameCaptures {
   std::size_t count = 0;                   // of `chosen`
   bool is_allowed = true;                  // false: a captured value is no value of its setting
 
-  // Adds a value, in place of an earlier one of the same setting; nullopt: it is none of the setting.
-  void add(std::size_t setting, std::optional<FrameValue> value) noexcept;
+  // Adds a value of the setting of that index, in place of an earlier one; nullopt: it is none of the setting.
+  void add(std::size_t index, std::optional<FrameValue> chosen_value) noexcept;
 };
 
 // A pattern of a line: text with {setting}, {value}, {NAME} of a setting, or {any}. A capture ends at the first

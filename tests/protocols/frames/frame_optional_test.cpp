@@ -37,6 +37,7 @@ constexpr OptionalElement optional_elements[] = {
     {always, "00"},
     {always, "@end"},
     {always, "check:crc16/xmodem:@data..@end"},
+    {always, "length:u8:@data..@middle"},
     {always, "0D 0A"},
 };
 
