@@ -82,17 +82,21 @@ void CheckSearch::before_pair(const std::vector<CheckRule>& rules, std::size_t f
   const Window one = windows_[2 * pair], other = windows_[2 * pair + 1];
   for (const CheckRule& rule : rules)
     for (const bool words : word_orders(rule))
-      for (const std::size_t begin : starts_) {
-        CheckDifference difference(rule, words);
-        for (std::size_t end = begin; end + rule.size <= one.size() && end + rule.size - begin <= length_; ++end) {
-          if (end > begin && end + rule.size > first_end && difference.is_whole() &&
-              varying_in(end, end + rule.size) > 0)
-            for (const bool order : check_orders(rule, words))
-              if (difference.agrees(one, other, end, order) && found.size() < most_candidates)
-                found.push_back({&rule, {{begin, end}}, end, order});
-          difference.add(one[end], other[end]);
+      for (const std::size_t start : starts_)
+        // The first word may begin with constant bytes.
+        for (std::size_t back = 0; back < std::min(rule.word_size, start + 1); ++back) {
+          const std::size_t begin = start - back;
+          if (back > 0 && varies_[begin]) break;
+          CheckDifference difference(rule, words);
+          for (std::size_t end = begin; end + rule.size <= one.size() && end + rule.size - begin <= length_; ++end) {
+            if (end > begin && end + rule.size > first_end && difference.is_whole() &&
+                varying_in(end, end + rule.size) > 0)
+              for (const bool order : check_orders(rule, words))
+                if (difference.agrees(one, other, end, order) && found.size() < most_candidates)
+                  found.push_back({&rule, {{begin, end}}, end, order});
+            difference.add(one[end], other[end]);
+          }
         }
-      }
 }
 
 void CheckSearch::after_pair(const std::vector<CheckRule>& rules, std::size_t first_end, std::size_t pair,

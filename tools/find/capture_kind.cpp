@@ -55,12 +55,13 @@ std::size_t escaped_bytes(Stream bytes, FrameEscape escape) {
 
 // A character of a number: it may differ from line to line.
 bool is_numeric(char c) { return (c >= '0' && c <= '9') || c == '-' || c == '+' || c == '.'; }
+bool is_hexadecimal(char c) { return is_numeric(c) || (c >= 'A' && c <= 'F'); }
 
-// Returns the line with `#` in place of each number.
-std::string shape_of(std::string_view line) {
+// Returns the line with `#` in place of each number; `is_digit`: of a character that numbers have.
+std::string shape_of(std::string_view line, bool (*is_digit)(char)) {
   std::string shape;
   for (const char c : line)
-    if (!is_numeric(c))
+    if (!is_digit(c))
       shape += c;
     else if (shape.empty() || shape.back() != '#')
       shape += '#';
@@ -83,6 +84,25 @@ bool has_nmea_check(std::string_view line) {
   unsigned sum = 0;
   for (const char c : line.substr(1, star - 1)) sum ^= static_cast<unsigned char>(c);
   return line.substr(star + 1, 2) == fmt::format("{:02X}", sum);
+}
+
+struct Lines {
+  std::size_t count = 0, checked = 0;
+  std::string example;
+};
+
+// Returns the kinds of lines, by their shapes.
+std::map<std::string, Lines> shapes_of(std::span<const std::string_view> lines, bool (*is_digit)(char)) {
+  std::map<std::string, Lines> shapes;
+  for (const std::string_view line : lines) {
+    // The digits of a check may be letters.
+    const bool is_checked = has_nmea_check(line);
+    Lines& kind = shapes[shape_of(is_checked ? line.substr(0, line.rfind('*') + 1) : line, is_digit)];
+    ++kind.count;
+    kind.checked += is_checked;
+    kind.example = line;
+  }
+  return shapes;
 }
 
 }  // namespace
@@ -122,28 +142,19 @@ std::string describe_lines(Stream capture, const std::string& source) {
   const auto printable = std::ranges::count_if(
       text, [](char c) { return (c >= ' ' && c <= '~') || c == '\r' || c == '\n' || c == '\t'; });
   if (text.empty() || static_cast<double>(printable) < least_printable * static_cast<double>(text.size())) return "";
-  struct Lines {
-    std::size_t count = 0, checked = 0;
-    std::string example;
-  };
-  std::map<std::string, Lines> shapes;
-  std::size_t all = 0;
-  std::size_t begin = text.find('\n');  // the first line may be a part of one
-  while (begin < text.size()) {
-    const std::size_t end = text.find('\n', begin + 1);
+  std::vector<std::string_view> lines;
+  // The first line may be a part of one.
+  for (std::size_t begin = text.find('\n'), end; begin < text.size(); begin = end) {
+    end = text.find('\n', begin + 1);
     if (end == text.npos) break;
-    std::string_view line = text.substr(begin + 1, end - begin - 1);
-    if (line.ends_with('\r')) line.remove_suffix(1);
-    // The digits of a check may be letters.
-    const bool is_checked = has_nmea_check(line);
-    Lines& lines = shapes[shape_of(is_checked ? line.substr(0, line.rfind('*') + 1) : line)];
-    ++lines.count;
-    lines.checked += is_checked;
-    lines.example = line;
-    ++all;
-    begin = end;
+    lines.push_back(text.substr(begin + 1, end - begin - 1));
+    if (lines.back().ends_with('\r')) lines.back().remove_suffix(1);
   }
+  const std::size_t all = lines.size();
   if (all < fewest_lines) return "";
+  std::map<std::string, Lines> shapes = shapes_of(lines, is_numeric);
+  // Hexadecimal numbers look like many kinds of lines.
+  if (auto others = shapes_of(lines, is_hexadecimal); 4 * others.size() <= shapes.size()) shapes = std::move(others);
   std::vector<const std::pair<const std::string, Lines>*> order;
   for (const auto& one : shapes) order.push_back(&one);
   std::ranges::stable_sort(order, [](const auto* a, const auto* b) { return a->second.count > b->second.count; });
@@ -154,10 +165,10 @@ std::string describe_lines(Stream capture, const std::string& source) {
       all, source);
   constexpr std::size_t most_kinds = 16;
   for (std::size_t i = 0; i < std::min(order.size(), most_kinds); ++i) {
-    const auto& [shape, lines] = *order[i];
-    const bool is_checked = lines.checked == lines.count;
+    const auto& [shape, kind] = *order[i];
+    const bool is_checked = kind.checked == kind.count;
     out += fmt::format("\n# {} lines such as: {}\n# [[message]]\n# name = \"line {}\"\n# text = \"{}{}{}\"\n",
-                       lines.count, shown(lines.example), i + 1, shown(shape), is_checked ? "{check:xor8}" : "",
+                       kind.count, shown(kind.example), i + 1, shown(shape), is_checked ? "{check:xor8}" : "",
                        text.find('\r') == text.npos ? "\\n" : "\\r\\n");
   }
   return out;

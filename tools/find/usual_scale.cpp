@@ -60,7 +60,7 @@ std::vector<UsualScale> figures(VectorQuantity quantity, bool is_float, std::siz
   }
   // Other units are decimals of these.
   const std::span<const Unit> main_units = units_of(quantity).first(2);
-  for (const int digit : {1, 2, 5})
+  for (const int digit : {1, 2, 4, 5})
     for (int power = -9; power <= 0; ++power)
       for (const Unit& unit : main_units) {
         const std::string text = power < -5 ? fmt::format("{}e{}", digit, power)
@@ -122,8 +122,7 @@ VectorScale scale_of(VectorQuantity quantity, const FrameNumber& type, double si
     scale.others = std::move(usual);
     return scale;
   }
-  if (type.is_float())
-    std::ranges::sort(usual, {}, [si](const UsualScale& one) { return std::abs(one.si / si - 1); });
+  std::ranges::stable_sort(usual, {}, [si](const UsualScale& one) { return std::abs(one.si / si - 1); });
   scale.taken = usual.front();
   scale.others.assign(usual.begin() + 1, usual.end());
   return scale;

@@ -25,7 +25,7 @@ struct UsualScale {
 
 // The scale of a vector, and how sure it is.
 struct VectorScale {
-  UsualScale taken;  // the most usual figure within the tolerance, or the measured one
+  UsualScale taken;  // the nearest usual figure within the tolerance, or the measured one
   bool is_usual = false;
   std::vector<UsualScale> others;  // as good
   double measured = 0;             // SI of the LSB

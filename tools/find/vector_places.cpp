@@ -152,7 +152,8 @@ std::vector<std::size_t> distinct_vectors(const std::vector<VectorPlace>& all, c
     });
     if (same == kept.end())
       kept.push_back(i);
-    else if (!all[*same].first.type.is_float() && is_better_reading(all[i], all[*same], frames))
+    else if (all[*same].first.type.is_float() == all[i].first.type.is_float() &&
+             is_better_reading(all[i], all[*same], frames))
       *same = i;
   }
   std::ranges::sort(kept);

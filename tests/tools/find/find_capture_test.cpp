@@ -1,4 +1,5 @@
 // The output of imu-decode --find-check for captures that are text, or whose frames are escaped.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include "tests/support/text.hpp"
@@ -43,6 +44,17 @@ TEST(FindCapture, TakesNoOtherFramesForEscaped) {
   std::mt19937_64 random(2);
   EXPECT_FALSE(find_escape(random_bytes(200'000, random)));
   EXPECT_FALSE(find_escape(std::vector<std::byte>(100'000)));
+}
+
+// Letters of hexadecimal numbers do not make another kind of line.
+TEST(FindCapture, DescribesLinesOfHexadecimalNumbers) {
+  std::string text = "\n";
+  for (unsigned k = 0; k < 400; ++k)
+    text += fmt::format(":{:02X}{:04X}  0000H {:04d}\r\n", k * 37 % 256, k * 1237 % 65536, k);
+  const auto bytes = std::as_bytes(std::span(text));
+  const std::string lines = describe_lines(bytes, "test");
+  EXPECT_TRUE(contains(lines, "# 400 lines such as")) << lines;
+  EXPECT_TRUE(contains(lines, "# text = \":#  #H #\\r\\n\"")) << lines;
 }
 
 TEST(FindCapture, DescribesLines) {

@@ -99,7 +99,7 @@ void expect_truth(const std::vector<Measurement>& all, const std::vector<Sample>
 TEST(FindFields, ValuesAreTheTruth) {
   // These have a usual scale, which is taken; so the tolerance is the rounding of the fields.
   for (const std::string_view shipped :
-       {"dmu", "gx3", "hipnuc", "inertiallabs", "isb-imu", "openimu", "sensaition", "kvh1750", "um7"}) {
+       {"dmu", "gx3", "hipnuc", "inertiallabs", "isb-imu", "openimu", "sensaition", "kvh1750", "um7", "stdbin"}) {
     SCOPED_TRACE(shipped);
     const FoundFields found = shipped_fields(shipped);
     const auto turned = handled_samples(Handling::turned, 3000, 100);

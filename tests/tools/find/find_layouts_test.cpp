@@ -232,6 +232,18 @@ TEST(FindLayouts, ChecksHaveAByteThatIsNotSent) {
   }
 }
 
+// The first word of a sum begins with a constant byte, and its second byte varies.
+TEST(FindLayouts, WordsMayBeginWithConstantBytes) {
+  const auto found = find_frames(layout_capture("80\n@a\nFE 00 03\nalive_counter:u8\nrate_x_deg_per_s:i16*0.01 "
+                                                "be\nrate_y_deg_per_s:i16*0.01 be\ncheck:sum16/16:@a.. be\n0D",
+                                                600)
+                                     .bytes);
+  ASSERT_TRUE(found);
+  ASSERT_EQ(found->messages.size(), 1U);
+  ASSERT_EQ(found->messages[0].checks.size(), 1U);
+  EXPECT_EQ(check_text(found->messages[0].checks[0]), "sum16/16 at 9 of 1-8");
+}
+
 // Four messages 55 51 to 55 54 of 11 bytes.
 TEST(FindLayouts, MessagesOfOneLengthHaveTypes) {
   for (const Handling handling : {Handling::rest, Handling::turned}) {
