@@ -270,6 +270,7 @@ IMUD_DISPATCHED Sample Imu::sample_moving(const Timeline& timeline, TruthTime ti
     held_ = may_catch_up_ = Nanoseconds{0};
     barometer_.begin_run();
     had_field_ = false;
+    origin_.reset();
     advanced_ = now;
     revision_ = timeline.revision();
   } else {
@@ -289,7 +290,10 @@ IMUD_DISPATCHED Sample Imu::sample_moving(const Timeline& timeline, TruthTime ti
                                                Sample& out) noexcept {
   const Timeline::Surroundings given =
       timeline.has_surroundings() ? timeline.surroundings(time) : Timeline::Surroundings{};
-  sense_earth(earth_, timeline.position(now.time), given, now, out);
+  const PositionVelocity position = timeline.position(now.time);
+  if (!origin_) origin_ = earth_.origin(timeline.position(timeline.run_start()));
+  if (!origin_) origin_ = earth_.origin(position);
+  sense_earth(earth_, position, given, now, out);
   if (navigation_.latency().count() > 0) delay(timeline, now, out.navigation);
 }
 
@@ -324,6 +328,7 @@ Sample Imu::sample_at_rest(Nanoseconds since_power_on, DeviceTime stamp) noexcep
   if (is_first) {
     barometer_.begin_run();
     had_field_ = false;
+    origin_ = rest_.earth().origin({});
   } else {
     advanced_ = rest_.at(last_time_, time);
     last_ = {advanced_.q_NB, advanced_.omega_BN_B, advanced_.dv_N};

@@ -256,6 +256,8 @@ class Imu {
   Surroundings surroundings_;
   Barometer barometer_;
   NavigationError navigation_;
+  // Navigation::origin in this run.
+  std::optional<Geodetic> origin_;
   bool is_disturbed_;             // disturb() does something
   bool measures_slowly_;          // it has internal samples, or rare effects
   bool follows_truth_;            // follow_truth() does something

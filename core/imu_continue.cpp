@@ -42,6 +42,7 @@ void Imu::continue_from(const Imu& before) noexcept {
   advanced_ = before.advanced_;
   revision_ = before.revision_;
   had_field_ = before.had_field_;
+  origin_ = before.origin_;
   surroundings_c_ = before.surroundings_c_;
   true_rate_ = before.true_rate_;
   true_specific_force_ = before.true_specific_force_;

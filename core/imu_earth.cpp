@@ -11,8 +11,10 @@ void Imu::delay(const Timeline& timeline, const MotionState& now, Navigation& na
   const Navigation delayed = earth_.navigation(before);
   if (!delayed.is_known) return;
   const std::int64_t gps_ns = navigation.gps_ns;
+  const Geodetic origin = navigation.origin;
   navigation = delayed;
   navigation.gps_ns = gps_ns;
+  navigation.origin = origin;
 }
 
 // Moves position and velocity from B's origin to S.
@@ -30,6 +32,7 @@ void Imu::sense_earth(const Earth& earth, PositionVelocity position, const Timel
   const bool is_known = out.navigation.is_known;
   const Quaternion q_NP = out.q_LP;
   if (is_known) {
+    out.navigation.origin = origin_.value_or(Geodetic{});
     // A vehicle whose motion is held stands still relative to the Earth.
     if (now.basis == MotionState::Basis::held) out.navigation.v_L.setZero();
     out.navigation.gps_ns += (now.time - position.time).count();

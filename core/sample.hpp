@@ -21,6 +21,11 @@ inline constexpr std::uint32_t force_derived = 1U << 11;     // its specific for
 inline constexpr std::uint32_t self_test_failed = 1U << 12;  // the sensor's self test reports a failure
 }  // namespace status
 
+// A place on the Earth, on WGS 84.
+struct Geodetic {
+  double latitude = 0, longitude = 0, height = 0;  // rad, rad, m above the ellipsoid
+};
+
 // The true place and time of a sample on the Earth, without errors (frames
 // E and L: core/README.md).
 struct Navigation {
@@ -32,6 +37,9 @@ struct Navigation {
   double height = 0;                   // m, above the ellipsoid
   Vector3 r_E = Vector3::Zero();       // m
   Vector3 v_L = Vector3::Zero();       // m/s, relative to the Earth
+  // The origin of relative positions: N's own where N is a local level, elsewhere the vehicle's place (the origin of
+  // B) at the first truth of the run, or at rest before it.
+  Geodetic origin = {};
 };
 
 // One output of the sensor.

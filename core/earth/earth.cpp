@@ -155,6 +155,18 @@ void move(Navigation& navigation, const Vector3& offset_L) noexcept {
   set_place(navigation);
 }
 
+Vector3 r_L_from_origin(const Navigation& navigation) noexcept {
+  const Geodetic& origin = navigation.origin;
+  return dcm_EL(origin.latitude, origin.longitude).transpose() * (navigation.r_E - r_E_of(origin));
+}
+
+std::optional<Geodetic> Earth::origin(const PositionVelocity& first) const noexcept {
+  if (is_local(first)) return Geodetic{model_.latitude, model_.longitude, model_.height};
+  const Navigation place = navigation(first);
+  if (!place.is_known) return std::nullopt;
+  return Geodetic{place.latitude, place.longitude, place.height};
+}
+
 Navigation Earth::navigation(const PositionVelocity& position) const noexcept {
   Navigation navigation;
   if (!is_on() || !position.is_known || (is_automatic() && !position.earth_angle)) return navigation;

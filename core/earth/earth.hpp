@@ -6,6 +6,8 @@
 // rad.
 #pragma once
 
+#include <optional>
+
 #include "core/earth/magnetic_field.hpp"
 #include "core/sample.hpp"
 #include "core/timeline.hpp"
@@ -53,16 +55,16 @@ double geopotential_altitude(double height_m) noexcept;
 // equator up to 10 km).
 double normal_gravity(double latitude, double height) noexcept;
 
-// A place on the Earth.
-struct Geodetic {
-  double latitude = 0, longitude = 0, height = 0;  // rad, rad, m above the ellipsoid
-};
 // Return the position in E, m, of a place, and the place of a position, which is at least 6000 km from the centre.
 Vector3 r_E_of(const Geodetic& place) noexcept;
 Geodetic geodetic_of(const Vector3& r_E) noexcept;
 
 // Returns the matrix v_E = dcm_EL * v_L at a latitude and longitude: its columns are north, east and down.
 Matrix3 dcm_EL(double latitude, double longitude) noexcept;
+
+// Returns the position, m, of a known place relative to its origin, in the axes of L at the origin: the coordinates
+// north, east and down of the plane that touches the Earth there.
+Vector3 r_L_from_origin(const Navigation& navigation) noexcept;
 
 // Moves a known place by `offset_L`, m, in the axes of L at the place before. Its velocity keeps its components.
 void move(Navigation& navigation, const Vector3& offset_L) noexcept;
@@ -79,6 +81,9 @@ class Earth {
   // Returns the place of a point. It is unknown if `position` is, or if the point is more than some 100 km below the
   // surface. A position with an earth_angle is one in an inertial N, whatever the model's frame.
   Navigation navigation(const PositionVelocity& position) const noexcept;
+  // Returns the origin of relative positions in a run whose first position is `first`: N's own where the frame is
+  // local, elsewhere the place of `first`; nullopt if the place is unknown.
+  std::optional<Geodetic> origin(const PositionVelocity& first) const noexcept;
   // Returns the rotation v_L = q_LN * v_N at the known place of `position`.
   Quaternion q_LN(const PositionVelocity& position, const Navigation& navigation) const noexcept;
   // Returns the magnetic field at a known place, T, in L, by IGRF-14 at the model's start (igrf.hpp). IGRF has the

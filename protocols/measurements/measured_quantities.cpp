@@ -3,6 +3,7 @@
 #include <chrono>
 
 #include "core/attitude.hpp"
+#include "core/earth/earth.hpp"
 #include "core/gps_time.hpp"
 #include "core/numbers/elementary.hpp"
 
@@ -78,6 +79,11 @@ double velocity_P(const Reading& reading) noexcept {
 template <int Axis>
 double position(const Reading& reading) noexcept {
   return reading.sample.navigation.r_E[Axis];
+}
+template <int Axis>
+double relative_position(const Reading& reading) noexcept {
+  const Navigation& navigation = reading.sample.navigation;
+  return navigation.is_known ? r_L_from_origin(navigation)[Axis] : 0;
 }
 double speed(const Reading& reading) noexcept { return reading.sample.navigation.v_L.norm(); }
 double ground_speed(const Reading& reading) noexcept { return reading.sample.navigation.v_L.head<2>().norm(); }
@@ -197,6 +203,10 @@ constexpr MeasuredQuantity quantities[] = {
     at_place("latitude", "geodetic, WGS 84", key_units::angle, place<&Navigation::latitude>),
     at_place("longitude", "", key_units::angle, place<&Navigation::longitude>),
     at_place("height", "above the ellipsoid", key_units::length, place<&Navigation::height>),
+    at_place("position_north", "from where the first truth was, or from the local level's origin; axes there",
+             key_units::length, relative_position<0>),
+    at_place("position_east", "", key_units::length, relative_position<1>),
+    at_place("position_down", "", key_units::length, relative_position<2>),
     at_place("velocity_north", "velocity relative to the Earth", key_units::speed, velocity_L<0>),
     at_place("velocity_east", "", key_units::speed, velocity_L<1>),
     at_place("velocity_down", "", key_units::speed, velocity_L<2>),

@@ -269,6 +269,10 @@ TEST(MeasuredQuantities, FollowFromTheSample) {
       {"r_E_x_km", 1000},
       {"r_E_y_m", 2e6},
       {"r_E_z_m", -3e6},
+      {"position_north_m", -3e6},
+      {"position_east_km", 2000},
+      {"position_down_m", 6'378'137.0 - 1e6},  // from latitude and longitude 0
+      {"-position_down_m", 1e6 - 6'378'137.0},
       {"acceleration_x_m_per_s2", 1},
       {"acceleration_z_m_per_s2", 3 + units::standard_gravity},
       {"sigma_LP_3", std::tan(22.5 * units::degree)},
