@@ -7,7 +7,6 @@
 namespace imud {
 namespace {
 
-constexpr std::size_t longest_header = 4;
 constexpr std::size_t longest_end = 2;  // constant bytes behind a check that end the frame
 
 // Returns how many bytes to move a check, so that it is in the frame that begins at `begin`; nullopt if it is in

@@ -15,6 +15,9 @@
 
 namespace imud {
 
+// Constant bytes at the beginning of a frame that are taken for its header, at most.
+inline constexpr std::size_t longest_header = 4;
+
 // A split with its checks, by windows that begin `before` bytes before the anchors.
 struct Trial {
   FrameSplit split;
