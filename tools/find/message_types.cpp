@@ -12,13 +12,13 @@ namespace {
 using Places = std::span<const FrameSplit::Place>;
 using Stream = std::span<const std::byte>;
 
-constexpr std::size_t last_place = 12;  // of a type, in the frame
+constexpr std::size_t last_type_place = 12;  // of a type, in the frame
 constexpr std::size_t most_types = 16;
-constexpr std::size_t most_compared = 2000;  // frames
-constexpr double least_alternating = 0.3;    // of the frames, another type follows
-constexpr double least_ordered = 0.85;       // of the frames, the type follows that follows most often
-constexpr double least_gain = 0.1;           // of one byte
-constexpr double most_damaged = 0.05;        // of the frames, other values
+constexpr std::size_t most_typed = 2000;   // frames
+constexpr double least_alternating = 0.3;  // of the frames, another type follows
+constexpr double least_ordered = 0.85;     // of the frames, the type follows that follows most often
+constexpr double least_gain = 0.1;         // of one byte
+constexpr double most_damaged = 0.05;      // of the frames, other values
 
 unsigned value_at(Stream stream, const FrameSplit::Place& frame, std::size_t at) {
   return std::to_integer<unsigned>(stream[frame.at + at]);
@@ -91,12 +91,12 @@ double gain_of(Places frames, std::size_t length, std::size_t type_at, const std
 
 std::vector<std::vector<FrameSplit::Place>> divide_by_type(Places frames, std::size_t length,
                                                            const std::vector<bool>& is_taken, Stream stream) {
-  const Places compared = frames.first(std::min(frames.size(), most_compared));
+  const Places compared = frames.first(std::min(frames.size(), most_typed));
   std::size_t best_at = 0;
   // By chance, the sum over 100 random bytes has a standard deviation of less than 3 / sqrt(n).
   constexpr double least = 0.2, sigmas = 5;
   double best = least + sigmas / std::sqrt(static_cast<double>(compared.size()));
-  for (std::size_t at = 1; at < std::min(length, last_place); ++at) {
+  for (std::size_t at = 1; at < std::min(length, last_type_place); ++at) {
     if (is_taken[at] || types_at(compared, at, stream).empty()) continue;
     if (const double gain = gain_of(compared, length, at, is_taken, stream); gain > best) {
       best = gain;
