@@ -131,6 +131,7 @@ TEST_F(CsvTruth, EveryCause) {
     EXPECT_EQ(decode(remark), TruthResult::no_state);
   EXPECT_EQ(decode("0,0,0,0,0,0"), TruthResult::too_short);
   EXPECT_EQ(decode("0"), TruthResult::too_short);
+  EXPECT_EQ(decode("0,0;0,0,0,0,0"), TruthResult::too_short);  // a number may end only where its field does
   EXPECT_EQ(decode("0,0,0,0,0,0,0,0"), TruthResult::too_long);
   EXPECT_EQ(decode("0,0,0,0,0,0,0,"), TruthResult::too_long);
   for (const std::string_view bad : {"x,0,0,0,0,0,0", ",0,0,0,0,0,0", "0,,0,0,0,0,0", "0,0,0,0,0,0,1.0.0",
