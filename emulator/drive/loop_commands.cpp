@@ -6,7 +6,7 @@
 namespace imud {
 
 // Must not be called between a device's receiving a sample and its transmission.
-void Loop::cycle_power(HostTime now) noexcept {
+[[gnu::noinline]] void Loop::cycle_power(HostTime now) noexcept {
   engine_.apply(Step::power_cycle(now));
   hosts_.touch_all();
 }

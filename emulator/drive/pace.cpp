@@ -7,27 +7,30 @@ void Pace::transmit(HostTime instant, HostTime due) noexcept {
     engine_.apply(Step::transmit(instant, false));
     return;
   }
-  const auto channels = engine_.prepared();
-  // Frames of deadlines leave before the sample's.
-  if (!is_paced_)
-    for (Channel* channel : channels) channel->lines.wait_for_room(stop_);
+  if (!is_paced_) return transmit_at_once(instant);
   engine_.apply(Step::transmit(instant, false));
-  if (is_paced_) {
-    if (host_.now() < due) host_.sleep_until(due, options_.spin);
-    for (Channel* channel : channels) {
-      const HostTime begin = host_.now();
-      engine_.sink().set_time(begin);
-      channel->transmit();
-      channel->counters.lateness.add(seconds(begin - due));
-      channel->counters.write.add(seconds(host_.now() - begin));
-      if (begin - due >= channel->sensor.grid().period()) channel->counters.missed.count();
-    }
-  } else {
-    for (Channel* channel : channels) channel->lines.wait_for_room(stop_);
-    for (Channel* channel : channels) channel->transmit();
-    for (Channel* channel : channels)
-      if (channel->is_can) channel->wait_until_sent(stop_);  // no reader of a bus catches up later
+  if (host_.now() < due) host_.sleep_until(due, options_.spin);
+  for (Channel* channel : engine_.prepared()) {
+    const HostTime begin = host_.now();
+    engine_.sink().set_time(begin);
+    channel->transmit();
+    channel->counters.lateness.add(seconds(begin - due));
+    channel->counters.write.add(seconds(host_.now() - begin));
+    if (begin - due >= channel->sensor.grid().period()) channel->counters.missed.count();
   }
+}
+
+// Waits for the readers of the ports.
+void Pace::transmit_at_once(HostTime instant) noexcept {
+  const auto channels = engine_.prepared();
+  for (Channel* channel : channels) channel->lines.wait_for_room(stop_);  // frames of deadlines leave first
+  engine_.apply(Step::transmit(instant, false));
+  for (Channel* channel : channels) {
+    channel->lines.wait_for_room(stop_);
+    channel->transmit();
+  }
+  for (Channel* channel : channels)
+    if (channel->is_can) channel->wait_until_sent(stop_);  // no reader of a bus catches up later
 }
 
 void Pace::skip(HostTime instant) noexcept { engine_.apply(Step::transmit(instant, true)); }

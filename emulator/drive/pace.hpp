@@ -36,6 +36,8 @@ class Pace {
   void skip(HostTime instant) noexcept;
 
  private:
+  void transmit_at_once(HostTime instant) noexcept;
+
   Engine& engine_;
   Host& host_;
   const bool is_paced_;

@@ -105,9 +105,8 @@ void Channel::send(std::span<const Frame> frames, DeviceTime time, bool is_reply
     lines.send(frames, time, is_reply);
 }
 
-void Channel::count_sample() noexcept {
+void Channel::count_rare_sample() noexcept {
   const Sample& sample = *outgoing_.sample;
-  counters.samples.count();
   if ((sample.status & status::truth_extrapolated) != 0) counters.extrapolated.count();
   if ((sample.status & status::truth_stale) != 0) counters.held.count();
   if ((sample.status & status::at_rest) != 0) counters.at_rest.count();
@@ -117,11 +116,9 @@ void Channel::count_sample() noexcept {
   if (is_extrapolated || outgoing_.is_shown)
     awaited.add(sensor.imu(), sensor.ahead(), is_extrapolated,
                 outgoing_.is_shown ? std::optional(feed_sample()) : std::nullopt);
-  constexpr int most_unpublished = 64;
-  if (++unpublished_ == most_unpublished) publish();
 }
 
-void Channel::poll_until(DeviceTime now, bool too_late) noexcept {
+void Channel::poll_due(DeviceTime now, bool too_late) noexcept {
   if (faults) release_until(now, too_late);
   for (auto deadline = unit.deadline(); deadline && *deadline <= now; deadline = unit.deadline()) {
     unit.poll(*deadline);

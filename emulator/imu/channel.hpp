@@ -96,7 +96,14 @@ class Channel {
   void transmit() noexcept;
   // Counts the sample as sent. Offers it to the feed when its truth has come. The counters of the parts follow by
   // flush(), or after some samples.
-  void count_sample() noexcept;
+  void count_sample() noexcept {
+    constexpr std::uint32_t rare = status::truth_extrapolated | status::truth_stale | status::at_rest;
+    counters.samples.count();
+    if ((outgoing_.sample->status & rare) != 0 || outgoing_.is_silent || outgoing_.is_shown) [[unlikely]]
+      count_rare_sample();
+    constexpr int most_unpublished = 64;
+    if (++unpublished_ == most_unpublished) publish();
+  }
 
   // --- Host and deadlines ---
   // Executes the host's bytes to the UART, at host time `now`, and sends the replies.
@@ -121,7 +128,12 @@ class Channel {
   void set_supply(bool on, HostTime now) noexcept;
   void start_device(DeviceTime now) noexcept;
   void set_bias(Quantity quantity, std::size_t axis, double bias) noexcept;
-  void poll_until(DeviceTime now, bool too_late) noexcept;
+  void count_rare_sample() noexcept;
+  void poll_until(DeviceTime now, bool too_late) noexcept {
+    const std::optional<DeviceTime> deadline = unit.deadline();
+    if (faults || (deadline && *deadline <= now)) poll_due(now, too_late);
+  }
+  void poll_due(DeviceTime now, bool too_late) noexcept;
   void release_until(DeviceTime now, bool too_late) noexcept;
   void send(std::span<const Frame> frames, DeviceTime time, bool is_reply = false) noexcept;
   void apply_filters() noexcept { sensor.set_filters(unit.device().filters()); }

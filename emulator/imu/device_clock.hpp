@@ -69,7 +69,7 @@ class DeviceClock {
     if (k == walk_.k() + 1)
       walk_.advance();
     else if (k != walk_.k()) [[unlikely]]
-      walk_ = Grid::Walk(grid_, k, true);
+      walk_to(k);
     return zero_ + walk_.offset();
   }
   // Records that the next sample, which is stamped `stamp`, is taken.
@@ -95,6 +95,8 @@ class DeviceClock {
   }
 
  private:
+  // Out of line: a Walk begins with divisions.
+  [[gnu::noinline]] void walk_to(std::uint64_t k) const noexcept { walk_ = Grid::Walk(grid_, k, true); }
   DeviceTime read(HostTime host) const noexcept {
     return zero_ + grid_.phase() + grid_.counted(host - *origin_ - grid_.phase());
   }

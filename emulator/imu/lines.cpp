@@ -86,25 +86,18 @@ void Lines::set_faults(std::span<const ActiveFault> faults, DeviceTime time) noe
   }
 }
 
-void Lines::send(std::span<const Frame> frames, DeviceTime time, bool is_reply) noexcept {
-  while (!frames.empty()) {
-    DeviceLine& line = lines_[frames.front().uart];
-    std::size_t size = 1;
-    while (size < frames.size() && frames[size].uart == frames.front().uart) ++size;
-    line.port->set_time(time);
-    const bool is_kept = sink_.keeps() && line.wire == nullptr;
-    const std::uint64_t dropped = is_kept ? line.port->counters().dropped : 0;
-    if (is_reply)
-      line.port->reply(frames.first(size));
-    else
-      line.port->send(frames.first(size));
-    line.passed += size;
-    // If a port drops frames, it drops the last ones.
-    if (is_kept) sink_.frames(line.interface, frames.first(size), line.port->counters().dropped - dropped);
-    if (!copies_.empty() && &line == &lines_[0] && line.wire == nullptr)
-      copies_.send(frames.first(size), time, is_reply);
-    frames = frames.subspan(size);
-  }
+void Lines::send(DeviceLine& line, std::span<const Frame> frames, DeviceTime time, bool is_reply) noexcept {
+  const std::uint64_t dropped = line.port->counters().dropped;
+  line.port->set_time(time);
+  if (is_reply)
+    line.port->reply(frames);
+  else
+    line.port->send(frames);
+  line.passed += frames.size();
+  if (line.wire != nullptr) return;  // it keeps the frames, and has the copies
+  // If a port drops frames, it drops the last ones.
+  if (sink_.keeps()) sink_.frames(line.interface, frames, line.port->counters().dropped - dropped);
+  if (!copies_.empty() && &line == lines_.data()) copies_.send(frames, time, is_reply);
 }
 
 void Lines::set_uarts(const Device& device) noexcept {
@@ -135,13 +128,9 @@ std::optional<HostTime> Lines::next_flush() const noexcept {
   return first;
 }
 
-void Lines::wait_for_room_of_all(const std::atomic<bool>& stop) noexcept {
-  for (DeviceLine& line : all()) {
-    if (line.is_file || line.had_room_at == line.passed) continue;
-    if (!line.port->has_room()) line.wait(true, stop);
-    line.had_room_at = line.passed;
-  }
-  copies_.wait_for_room(stop);
+void Lines::wait_for_room(DeviceLine& line, const std::atomic<bool>& stop) noexcept {
+  if (!line.port->has_room()) line.wait(true, stop);
+  line.had_room_at = line.passed;
 }
 
 void Lines::wait_until_sent(const std::atomic<bool>& stop) noexcept {

@@ -1,6 +1,7 @@
 // Lines: the ports of an emulated sensor, between the frames of its device and the descriptors.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <atomic>
 #include <cstdint>
@@ -40,7 +41,13 @@ class Lines {
   std::span<const CanFilter> can_filters() const noexcept { return can_filters_; }
 
   // Passes frames of the device's time `time` to the ports of their UARTs, by Port::reply() or by Port::send().
-  void send(std::span<const Frame> frames, DeviceTime time, bool is_reply) noexcept;
+  void send(std::span<const Frame> frames, DeviceTime time, bool is_reply) noexcept {
+    while (!frames.empty()) {
+      const std::size_t size = count_ == 1 ? frames.size() : of_one_uart(frames);
+      send(lines_[frames.front().uart], frames.first(size), time, is_reply);
+      frames = frames.subspan(size);
+    }
+  }
   // A device answers with its old settings; the new ones apply to all that is sent afterwards.
   void set_uarts(const Device& device) noexcept;
   // Calls propose(uart, Port::Received) for what the host has sent, at most some 256 bytes from each port. Sets
@@ -55,7 +62,9 @@ class Lines {
   // not pace; or until all frames are sent. If the reader or the bus accepts nothing for 2 s, the port is no longer
   // waited for until it has accepted all frames. Also returns when `stop` is set.
   void wait_for_room(const std::atomic<bool>& stop) noexcept {
-    if (!are_files_ || !copies_.empty()) wait_for_room_of_all(stop);
+    for (DeviceLine& line : all())
+      if (!line.is_file && line.had_room_at != line.passed) wait_for_room(line, stop);
+    if (!copies_.empty()) copies_.wait_for_room(stop);
   }
   void wait_until_sent(const std::atomic<bool>& stop) noexcept;
   // Discards the frames that the ports still hold back; they count as dropped.
@@ -76,8 +85,14 @@ class Lines {
   void publish(ImuCounters& counters, std::uint64_t lost) const noexcept;
 
  private:
+  // Returns how many of the first frames are for the UART of the first.
+  static std::size_t of_one_uart(std::span<const Frame> frames) noexcept {
+    const auto is_other = [&](const Frame& frame) { return frame.uart != frames.front().uart; };
+    return static_cast<std::size_t>(std::ranges::find_if(frames, is_other) - frames.begin());
+  }
   void look_at_ports() noexcept;
-  void wait_for_room_of_all(const std::atomic<bool>& stop) noexcept;
+  static void wait_for_room(DeviceLine& line, const std::atomic<bool>& stop) noexcept;
+  void send(DeviceLine& line, std::span<const Frame> frames, DeviceTime time, bool is_reply) noexcept;
   void add_interfaces(const std::string& imu, StepSink& sink);
   void add_filters(const Protocol& protocol, const Settings& settings, double rate_hz);
   void publish_bus(ImuCounters& counters) const noexcept;

@@ -54,8 +54,13 @@ void Sensor::sense(const Timeline& timeline, TruthTime time, std::uint64_t k) no
   is_resting_ = false;
   ::new (&sample_) Sample(imu_.sample(timeline, time, clock_.stamp(k)));  // in place: a copy is dear
   ahead_ = imu_.advanced_to() - timeline.newest();
-  if (has_clock_errors_) [[unlikely]]
-    take_clock_errors(oscillator_.follows_truth() ? timeline.temperature_c(time) : std::nullopt);
+  if (has_clock_errors_ || has_leapt_ || faults_ != nullptr) [[unlikely]]
+    take_errors(timeline, time);
+}
+
+// Changes the sample as the errors of the clock, a leap of the truth, and faults do.
+[[gnu::noinline]] void Sensor::take_errors(const Timeline& timeline, TruthTime time) noexcept {
+  if (has_clock_errors_) take_clock_errors(oscillator_.follows_truth() ? timeline.temperature_c(time) : std::nullopt);
   if (std::exchange(has_leapt_, false)) sample_.status |= status::truth_extrapolated;
   if (faults_ != nullptr) faults_->take(sample_, time - run_begin_, utc_ns_of(sample_.time));
 }

@@ -58,6 +58,7 @@ class Sensor {
   void exchange(Reload::Sensor& next) noexcept;
 
  private:
+  void take_errors(const Timeline& timeline, TruthTime time) noexcept;
   void take_clock_errors(std::optional<double> truth_c) noexcept;
   // Returns the UTC, ns since 1970, of a time of the clock; nullopt if the host's clock does not pace it.
   std::optional<std::int64_t> utc_ns_of(DeviceTime time) const noexcept;

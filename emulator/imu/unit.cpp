@@ -50,7 +50,7 @@ Unit::PowerChange Unit::set_power_faults(std::span<const ActiveFault> faults) no
   return was_on && !next_power_step_.is_on ? PowerChange::goes_off : PowerChange::none;
 }
 
-bool Unit::apply_power_faults() noexcept {
+bool Unit::take_power_step() noexcept {
   power_step_ = next_power_step_;
   if (!power_step_.starts) return false;
   next_power_step_.starts = false;
@@ -69,24 +69,26 @@ void Unit::apply_clock_fault() noexcept {
 void Unit::take(Sample& sample, bool discarded) noexcept {
   frames_.clear();
   others_.clear();
+  if (faults_ != nullptr)
+    take_faulty(sample, discarded);
+  else if (is_on())
+    device_->sample(sample, discarded ? others_ : frames_);
+}
+
+void Unit::take_faulty(Sample& sample, bool discarded) noexcept {
   const DeviceTime time = sample.time;
   if (is_on()) {
     if (other_units_ != nullptr) other_units_->select(faults_->messages().other_unit());
     const std::uint64_t counter = sample.counter;
     const std::uint32_t status = sample.status;
     sample.time = time + clock_offset_;
-    if (faults_ != nullptr) faults_->messages().forge(sample);
+    faults_->messages().forge(sample);
     device_->sample(sample, discarded ? others_ : frames_);
     sample.time = time;
     sample.counter = counter;
     sample.status = status;
   }
-  if (faults_ != nullptr) faults_->messages().shape(frames_, time);
-}
-
-std::optional<DeviceTime> Unit::deadline() const noexcept {
-  const auto deadline = is_on() ? device_->deadline() : std::nullopt;
-  return deadline ? std::optional(*deadline - clock_offset_) : std::nullopt;
+  faults_->messages().shape(frames_, time);
 }
 
 void Unit::poll(DeviceTime deadline) noexcept {

@@ -42,7 +42,7 @@ class Unit {
   enum class PowerChange : std::uint8_t { none, starts, goes_off };
   PowerChange set_power_faults(std::span<const ActiveFault> faults) noexcept;
   // Executes these at the sample's instant. Returns true if the device has to start.
-  bool apply_power_faults() noexcept;
+  bool apply_power_faults() noexcept { return power_faults_ && take_power_step(); }
 
   // --- Messages: the results are frames() or others(), until the next call ---
   // The clock of the device has been set by a step, or by a fault of the messages.
@@ -51,7 +51,10 @@ class Unit {
   // Makes the frames of the sample. The frames of a `discarded` sample are not in frames().
   void take(Sample& sample, bool discarded) noexcept;
   // Returns when poll() has to be called; nullopt: it need not be.
-  std::optional<DeviceTime> deadline() const noexcept;
+  std::optional<DeviceTime> deadline() const noexcept {
+    const auto deadline = is_on() ? device_->deadline() : std::nullopt;
+    return deadline ? std::optional(*deadline - clock_offset_) : std::nullopt;
+  }
   void poll(DeviceTime deadline) noexcept;
   void receive(const Frame& frame, DeviceTime now) noexcept;
   // The frames of the last sample.
@@ -63,6 +66,8 @@ class Unit {
   bool exchange(Reload::Sensor& next) noexcept;
 
  private:
+  bool take_power_step() noexcept;
+  void take_faulty(Sample& sample, bool discarded) noexcept;
   // Returns the figures that a unit has of these errors.
   static OwnFigures figures_of(const ImuModel& model) noexcept;
 
