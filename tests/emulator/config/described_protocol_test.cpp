@@ -157,6 +157,7 @@ TEST_F(DescribedProtocol, HasTheRateOfItsDescription) {
                                                        {"hipnuc", 100},
                                                        {"kvh1750", 1000},
                                                        {"kvh1775", 1000},
+                                                       {"lpms-ig1", 500},
                                                        {"nmea", 10},
                                                        {"novatel-raw", 125},
                                                        {"razor", 50},
