@@ -321,7 +321,10 @@ ImuConfig read_imu(TableReader& table, std::size_t index) {
                               imu.protocol->name, product->rate_hz));
   } else {
     const double own = imu.protocol == nullptr ? 0 : default_rate_hz(*imu.protocol, imu.settings);
-    if (own == 0) require(table, "rate_hz", "the sensor's output rate");
+    // A description that could not be read may have the rate.
+    const bool is_unread = device && imu.settings.frames() == nullptr &&
+                           std::ranges::any_of(imu.protocol->settings, &Setting::names_frames);
+    if (own == 0 && !is_unread) require(table, "rate_hz", "the sensor's output rate");
     imu.rate_hz = table.real("rate_hz", own == 0 ? 100.0 : own, Grid::min_rate_hz, Grid::max_rate_hz);
   }
   if (device && imu.protocol->check != nullptr) {

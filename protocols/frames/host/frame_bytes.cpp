@@ -71,7 +71,9 @@ class FrameBytes::Parser {
     if (std::string_view rest = text; !take_condition(rest).empty())
       refuse_element("only a message has optional elements");
     if (text == "{items}") {
-      if (role_ != Role::request || !has_items_) refuse_element("{items} needs items = [[...], ...] of the request");
+      if (role_ != Role::request)
+        refuse_element("only a request has {items}; an answer to them has a form of its own");
+      if (!has_items_) refuse_element("{items} needs items = [[...], ...] of the request");
       if (std::exchange(uses_items_, true)) refuse_element("{items} is given twice");
       return keep("_:*");
     }

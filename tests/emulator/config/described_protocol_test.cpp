@@ -137,6 +137,19 @@ TEST_F(DescribedProtocol, IsConfiguredAsAnyOther) {
   EXPECT_TRUE(contains(fault("protocol = \"kvh1750\"\n"), "imu.0.protocol: kvh1750: line "));
 }
 
+// It may have the rate, which is not missing then.
+TEST_F(DescribedProtocol, AFaultOfAFileIsTheOnlyOne) {
+  std::ofstream(path_) << "[truth]\nport = \"udp:127.0.0.1:9810\"\n[[imu]]\nport = \"pty:imu1\"\n"
+                       << user_file("rate_hz = 100\nbytes_order = \"big\"");
+  try {
+    load_config(path_);
+    FAIL() << "no fault";
+  } catch (const ConfigError& error) {
+    EXPECT_EQ(error.faults.size(), 1U) << error.what();
+    EXPECT_TRUE(contains(error.what(), "bytes_order")) << error.what();
+  }
+}
+
 // The rate by the description's key, and by its messages if all have one.
 TEST_F(DescribedProtocol, HasTheRateOfItsDescription) {
   const auto rate_of = [this](const std::string& keys) {

@@ -153,6 +153,7 @@ TEST(FrameVariableRequestRefusals, Faults) {
       {request("layout = [\"@a\", \"7D\", \"length:u8:@a..@\", \"_:*\", \"00\", \"check:sum16/16:@a..\"]"),
        "a check of any number of bytes is of bytes, not of words"},
       {request("layout = [\"@a\", \"7D\", \"length:u8:@a..@\", \"{items}\"]"), "{items} needs items"},
+      {request("bytes = \"7D\"\nanswer = [\"7D\", \"{items}\"]"), "only a request has {items}"},
       {request("layout = [\"7D\"]\nitems = [[\"01\"]]"), "give the element {items}"},
       {request("layout = [\"@a\", \"7D\", \"length:u8:@a..@\", \"{items}\"]\nitems = [[\"01\", \"_:*\"]]"),
        "an item has a fixed number of bytes"},
