@@ -21,6 +21,47 @@ Timeline::Limits extrapolate_for(Nanoseconds limit) {
   return limits;
 }
 
+// A vehicle that accelerates, under gravitation.
+TEST(Extrapolation, VelocityAndPositionFollowTheSpecificForce) {
+  const Vector3 force(3, -2, -9), gravitation(0, 0, 9.8), v0(10, -20, 30);
+  const auto v = [&](double t) -> Vector3 { return v0 + t * (force + gravitation); };
+  const auto r = [&](double t) -> Vector3 { return t * v0 + 0.5 * t * t * (force + gravitation); };
+  Timeline timeline;
+  for (std::int64_t ms = 0; ms <= 1000; ms += 100) {
+    const double t = 1e-3 * static_cast<double>(ms);
+    Truth truth;
+    truth.time = truth_at_ms(ms);
+    truth.has_position = truth.has_velocity = true;
+    truth.r_BN_N = r(t);
+    truth.v_BN_N = v(t);
+    truth.specific_force_B = force;
+    timeline.push(truth);
+    const PositionVelocity after = timeline.position(truth_at_ms(ms + 80));
+    ASSERT_TRUE(after.is_known);
+    if (ms == 0) {  // gravitation is not known
+      EXPECT_EQ(after.v_N, v0);
+      continue;
+    }
+    EXPECT_LT((after.v_N - v(t + 0.08)).norm(), 1e-9) << ms;
+    EXPECT_LT((after.r_N - r(t + 0.08)).norm(), 1e-9) << ms;
+  }
+  EXPECT_LT((timeline.position(truth_at_ms(5000)).v_N - v(1.1)).norm(), 1e-9);
+}
+
+// A simulator that sends each velocity twice.
+TEST(Extrapolation, AVelocityThatJumpsIsContinuedAsItIs) {
+  Timeline timeline;
+  for (std::int64_t k = 0; k <= 10; ++k) {
+    Truth truth;
+    truth.time = truth_at_ms(k);
+    truth.has_position = truth.has_velocity = true;
+    truth.v_BN_N = Vector3(0.1 * static_cast<double>(k / 2), 0, 0);
+    truth.specific_force_B = Vector3(0, 0, -9.8);
+    timeline.push(truth);
+  }
+  EXPECT_EQ(timeline.position(truth_at_ms(60)).v_N, Vector3(0.5, 0, 0));
+}
+
 TEST(Extrapolation, ContinuesWithConstantAccelerations) {
   const IntegratedMotion motion(smooth_motion(), 2.0);
   for (const std::int64_t step_ms : {1, 10, 30}) {
