@@ -14,7 +14,7 @@ import sys
 from counted import is_known
 
 # MB of g++ 12.2, Boost 1.74 and Eigen 3.4, some 3 % above the sums when they were written down.
-LIMITS = {"programs": 1200, "tests": 680}
+LIMITS = {"programs": 1200, "tests": 695}
 BY_HAND = ("imud_benchmark.dir", "imud_timing.dir")  # are not always built
 
 
@@ -45,4 +45,4 @@ for kind, (megabytes, objects) in sums(sys.argv[1]).items():
         wrong.append(f"{kind}: only {objects} object files are known")
     elif is_known() and megabytes > LIMITS[kind]:
         wrong.append(f"{kind}: {megabytes:.0f} MB are read, more than {LIMITS[kind]} MB")
-sys.exit("\n".join(wrong))
+sys.exit("\n".join(wrong) or 0)
