@@ -140,7 +140,7 @@ TEST_F(DescribedProtocol, IsConfiguredAsAnyOther) {
 // It may have the rate, which is not missing then.
 TEST_F(DescribedProtocol, AFaultOfAFileIsTheOnlyOne) {
   std::ofstream(path_) << "[truth]\nport = \"udp:127.0.0.1:9810\"\n[[imu]]\nport = \"pty:imu1\"\n"
-                       << user_file("rate_hz = 100\nbytes_order = \"big\"");
+                       << user_file("rate_hz = 100\nbytes_order = \"big\"") << ranges_;
   try {
     load_config(path_);
     FAIL() << "no fault";
