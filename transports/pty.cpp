@@ -116,11 +116,19 @@ class PtyDevice final : public Port {
   bool is_drained() noexcept override {
     if (!check_reader()) return true;
     flush();
-    if (paced_ && !paced_->is_idle()) return false;
+    const HostTime now = host_now();
+    if (paced_ && !paced_->is_idle()) {
+      empty_since_ = now;
+      return false;
+    }
+    if (counters_.sent == 0) return true;
     const FileDescriptor slave = pty_.open_slave();
-    // poll(), unlike FIONREAD, also finds bytes that are still on their way from the master.
+    // poll(), unlike FIONREAD, also finds bytes that are still on their way from the master; but not those for which
+    // there was no room, until the read() that has made room ends, and its reader may have to wait for a processor.
+    constexpr auto read_takes = std::chrono::milliseconds(40);
     pollfd unread{slave.get(), POLLIN, 0};
-    return !slave || ::poll(&unread, 1, 0) <= 0;
+    if (!empty_since_ || ::poll(&unread, 1, 0) > 0) empty_since_ = now;
+    return !slave || now - *empty_since_ >= read_takes;
   }
 
   // -1 without a reader, because poll() would always return at once.
@@ -292,8 +300,9 @@ class PtyDevice final : public Port {
   UartSettings line_;  // of the device; baud 0: not known
   const bool any_speed_;
   bool is_connected_ = true;
-  BackOff back_off_;  // of reconnect()
-  HostTime checked_;  // when has_reader() last checked for a reader
+  BackOff back_off_;                     // of reconnect()
+  std::optional<HostTime> empty_since_;  // is_drained() has found nothing that the client has not read
+  HostTime checked_;                     // when has_reader() last checked for a reader
   ByteWriter writer_;
   std::optional<PacedWriter> paced_;
   UartWire to_client_, from_client_;
