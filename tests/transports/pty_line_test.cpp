@@ -207,6 +207,7 @@ TEST_F(PtyLine, CharactersTakeTheirTime) {
   EXPECT_EQ(reader.broken + reader.unfinished(), 0U);
   EXPECT_EQ(port->counters().sent, 8U);
   EXPECT_EQ(port->next_flush(), std::nullopt);
+  for (int ms = 0; ms < 10'000 && !port->is_drained(); ++ms) ::poll(nullptr, 0, 1);
   EXPECT_TRUE(port->is_drained());
 }
 
