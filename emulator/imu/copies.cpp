@@ -14,14 +14,7 @@ Copies::Copies(const ImuConfig& config, const Ports& ports, std::size_t imu) {
 }
 
 void Copies::send(std::span<const Frame> frames, DeviceTime time, bool is_reply) noexcept {
-  for (DeviceLine& line : lines_) {
-    line.port->set_time(time);
-    if (is_reply)
-      line.port->reply(frames);
-    else
-      line.port->send(frames);
-    line.passed += frames.size();
-  }
+  for (DeviceLine& line : lines_) line.send(frames, time, is_reply);
 }
 
 void Copies::set_line(const UartSettings& uart) noexcept {

@@ -4,6 +4,7 @@
 #include <atomic>
 #include <cstdint>
 #include <memory>
+#include <span>
 
 #include "core/uart.hpp"
 #include "transports/port.hpp"
@@ -34,6 +35,15 @@ struct DeviceLine {
   // Adds the counters of the port to `before`. Called when another port takes its place.
   void add_to_before() noexcept;
 
+  // Passes frames of the device's time `time` to the port, by Port::reply() or by Port::send().
+  void send(std::span<const Frame> frames, DeviceTime time, bool is_reply) noexcept {
+    port->set_time(time);
+    if (is_reply)
+      port->reply(frames);
+    else
+      port->send(frames);
+    passed += frames.size();
+  }
   // Returns true while the port has neither sent nor dropped all frames that were passed to it.
   bool holds_back() const noexcept;
   // Sets `had_room_at` if the port accepts more now, so that wait() need not be called before the next frames.

@@ -88,12 +88,7 @@ void Lines::set_faults(std::span<const ActiveFault> faults, DeviceTime time) noe
 
 void Lines::send(DeviceLine& line, std::span<const Frame> frames, DeviceTime time, bool is_reply) noexcept {
   const std::uint64_t dropped = line.port->counters().dropped;
-  line.port->set_time(time);
-  if (is_reply)
-    line.port->reply(frames);
-  else
-    line.port->send(frames);
-  line.passed += frames.size();
+  line.send(frames, time, is_reply);
   if (line.wire != nullptr) return;  // it keeps the frames, and has the copies
   // If a port drops frames, it drops the last ones.
   if (sink_.keeps()) sink_.frames(line.interface, frames, line.port->counters().dropped - dropped);
