@@ -275,11 +275,12 @@ void FrameLayout::Compiler::resolve_length(const Placed& placed) {
   if ((to - from) % element.divisor != 0)
     refuse_element("the range has " + std::to_string(to - from) + " bytes, which are no whole number of " +
                    std::to_string(element.divisor));
-  const std::int64_t length = static_cast<std::int64_t>((to - from) / element.divisor) + element.plus;
+  const Whole::Length placed_length = {placed.offset, element.number, over, element.divisor, element.plus};
+  const std::int64_t length = placed_length.of(to - from);
   if (length < 0 || static_cast<std::uint64_t>(length) > low_bits(static_cast<unsigned>(8 * element.number.bytes)))
     refuse_element("the type does not hold the length, " + std::to_string(length));
-  require_sizes(placed, over);
-  out_.whole_.lengths.push_back({placed.offset, element.number, over, element.divisor, element.plus});
+  require_sizes(placed_length);
+  out_.whole_.lengths.push_back(placed_length);
   constant(placed.offset, bytes_of(static_cast<std::uint64_t>(length), element.number));
 }
 

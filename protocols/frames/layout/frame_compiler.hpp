@@ -34,7 +34,7 @@ class FrameLayout::Compiler {
   void check_sync();
   std::uint64_t condition_of(const FrameElement& element);
   void require_whole(const FrameCheck::Range& range, std::size_t bytes, const std::string& pieces) const;
-  void require_sizes(const Placed& length, const FrameCheck::Range& range);
+  void require_sizes(const Whole::Length& length) const;
   void make_optional();
   void set_variable(const FrameElement& element);
   void make_variable();

@@ -95,6 +95,8 @@ class FrameLayout final : public MessageLayout {
       FrameCheck::Range range;
       std::size_t divisor = 1;
       std::int64_t plus = 0;
+      // Returns the length that is sent of a range of so many bytes.
+      std::int64_t of(std::size_t bytes) const noexcept { return static_cast<std::int64_t>(bytes / divisor) + plus; }
     };
     std::vector<std::byte> bytes, constant;
     std::vector<Field> fields;
@@ -105,7 +107,7 @@ class FrameLayout final : public MessageLayout {
   class Compiler;
 
   // The layout of a frame of which the bytes between the first and the last place where sizes differ are not known.
-  // What precedes and follows these has its place from the begin and from the end of the frame.
+  // The bytes before these have their places from the begin of the frame, the bytes behind them from its end.
   struct Around {
     std::size_t first = 0, last = 0, whole = 0, frame = 0;  // of all elements; `frame`: bytes of the frame
     std::optional<std::size_t> operator()(std::size_t offset) const noexcept {

@@ -36,14 +36,13 @@ void FrameLayout::Compiler::require_whole(const FrameCheck::Range& range, std::s
 }
 
 // Refuses a length that is negative without the optional elements.
-void FrameLayout::Compiler::require_sizes(const Placed& length, const FrameCheck::Range& range) {
-  const FrameElement& element = length.element;
-  require_whole(range, element.divisor, "pieces of " + std::to_string(element.divisor) + " bytes");
+void FrameLayout::Compiler::require_sizes(const Whole::Length& length) const {
+  const FrameCheck::Range& range = length.range;
+  require_whole(range, length.divisor, "pieces of " + std::to_string(length.divisor) + " bytes");
   std::size_t least = range.second - range.first;
   for (const Whole::Part& part : out_.whole_.parts)
     if (part.offset >= range.first && part.offset < range.second) least -= part.size;
-  if (static_cast<std::int64_t>(least / element.divisor) + element.plus < 0)
-    refuse_element("the length is negative without the optional elements");
+  if (length.of(least) < 0) refuse_element("the length is negative without the optional elements");
 }
 
 // Keeps the whole layout, and selects the elements that are sent as delivered.

@@ -51,8 +51,7 @@ void FrameLayout::select(std::span<const FrameValue> values) noexcept {
   }
   for (const Whole::Length& one : whole_.lengths) {
     const std::size_t bytes = place(one.range.second) - place(one.range.first);
-    store_number(static_cast<std::uint64_t>(static_cast<std::int64_t>(bytes / one.divisor) + one.plus), one.number,
-                 template_.data() + place(one.offset));
+    store_number(static_cast<std::uint64_t>(one.of(bytes)), one.number, template_.data() + place(one.offset));
   }
   find_read_back();
 }
@@ -73,8 +72,7 @@ bool FrameLayout::have_places(const Around& place) const noexcept {
 bool FrameLayout::has_lengths(std::span<const std::byte> frame, const Around& place) const noexcept {
   return std::ranges::all_of(whole_.lengths, [&](const Whole::Length& one) {
     const std::size_t bytes = *place(one.range.second) - *place(one.range.first);
-    const std::int64_t length = static_cast<std::int64_t>(bytes / one.divisor) + one.plus;
-    return load_number(one.number, frame.data() + *place(one.offset)) == static_cast<std::uint64_t>(length);
+    return load_number(one.number, frame.data() + *place(one.offset)) == static_cast<std::uint64_t>(one.of(bytes));
   });
 }
 
@@ -156,8 +154,7 @@ std::vector<std::byte> FrameLayout::with_content(std::span<const std::byte> cont
   const Around place{*variable_, *variable_ + 1, size(), frame.size()};
   for (const Whole::Length& one : whole_.lengths) {
     const std::size_t bytes = *place(one.range.second) - *place(one.range.first);
-    store_number(static_cast<std::uint64_t>(static_cast<std::int64_t>(bytes / one.divisor) + one.plus), one.number,
-                 frame.data() + *place(one.offset));
+    store_number(static_cast<std::uint64_t>(one.of(bytes)), one.number, frame.data() + *place(one.offset));
   }
   return frame;
 }
