@@ -84,7 +84,7 @@ TEST_F(FrameVariableRequests, ItemsSetTheirSettings) {
   EXPECT_EQ(send(framed("B5", "00 02 01 00 01 E9 03")), "EE B5");  // 1001
   EXPECT_EQ(send(framed("B5", "07 02 01 00")), "EE B5");
   EXPECT_EQ(send(framed("B5", "00")), "AC 01 00 04 00 08") << "a refused request has no effect";
-  // What is no list is unknown: another kind, or a part of an item.
+  // A list with an item of another kind, or with a part of one, is unknown.
   EXPECT_EQ(send(framed("B5", "00 03 01 00")), "15 B5");
   EXPECT_EQ(send(framed("B5", "00 01 01 00 02 01")), "15 B5");
   EXPECT_EQ(send(framed("B5", "")), "15 B5");

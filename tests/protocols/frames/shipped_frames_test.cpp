@@ -104,7 +104,7 @@ TEST(ShippedFrames, AllocateNothingOnceMade) {
   }
 }
 
-// What a unit does not send as delivered: frames that settings select, to the byte.
+// Frames that a unit does not send as delivered, because settings select them, are right to the byte, too.
 TEST(ShippedFrames, SettingsSelectFurtherMessages) {
   Sample sample;
   sample.counter = 1;

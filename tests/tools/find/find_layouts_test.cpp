@@ -282,8 +282,8 @@ TEST(FindLayouts, CountersAndBitsAreNoTypes) {
     }
 }
 
-// Of random bytes beside small counters, none is a type: the threshold is five standard deviations of what random
-// bytes give, 3e-7 for each byte that is compared.
+// No random byte beside small counters is a type. The threshold is five standard deviations of what random bytes
+// give: a false alarm has the probability 3e-7 for each byte that is compared.
 TEST(FindLayouts, FindsNoTypesInRandomBytes) {
   for (unsigned seed = 1; seed <= 40; ++seed) {
     std::mt19937_64 random(seed);
