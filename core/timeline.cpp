@@ -400,24 +400,7 @@ MotionState Timeline::before_run(TruthTime time) const noexcept {
 PositionVelocity Timeline::position(TruthTime time) const noexcept {
   const Knot& oldest = knot(0);
   if (time <= oldest.state.time) return oldest.position;
-  if (time > newest()) {  // until motion is held
-    const Knot& last = knot(count_ - 1);
-    PositionVelocity position = last.position;
-    position.time = std::min(time, newest() + limits_.extrapolate);
-    const double dt = seconds(position.time - last.state.time);
-    // The specific force of extrapolate(), and beside it what changed the velocity between the last two truths:
-    // gravitation, and what a rotating N adds. The velocity is constant where that is more, or is not known.
-    constexpr double greatest = 20;  // m/s^2
-    Vector3 dv = Vector3::Zero();
-    if (count_ > 1 && position.is_known && knot(count_ - 2).position.is_known) {
-      const Knot& before = knot(count_ - 2);
-      const Vector3 beside = (position.v_N - before.position.v_N - (last.state.dv_N - before.state.dv_N)) / last.h_s;
-      if (beside.norm() <= greatest) dv = extrapolate(position.time).dv_N - last.state.dv_N + dt * beside;
-    }
-    position.r_N += dt * (position.v_N + 0.5 * dv);
-    position.v_N += dv;
-    return position;
-  }
+  if (time > newest()) return extrapolate_position(std::min(time, newest() + limits_.extrapolate));
   const std::size_t i = segment_end(time);
   const Knot &begin = knot(i - 1), &end = knot(i);
   if (time == end.state.time) return end.position;

@@ -138,8 +138,10 @@ class Timeline {
   const MotionState& at(TruthTime time, MotionState& other) const noexcept;
 
   // Returns position and velocity of B's origin at `time`: between two truths that carry them, the cubic Hermite
-  // curve; unknown if one of the two does not; after the newest truth, its velocity continued until motion is held;
-  // before the oldest truth, that truth's own. Must not be called if empty().
+  // curve; unknown if one of the two does not; before the oldest truth, that truth's own. After the newest truth,
+  // until motion is held, the velocity changes by the specific force of at(), and by gravitation and the effects of a
+  // rotating N, which the last two truths show beside their specific forces. It is constant where these are more than
+  // 20 m/s^2, or not known. Must not be called if empty().
   PositionVelocity position(TruthTime time) const noexcept;
 
   // Return the temperature of the surroundings at `time`, degrees Celsius, a state of the vehicle, in SI, and all
@@ -206,6 +208,7 @@ class Timeline {
   std::size_t segment_end(TruthTime time) const noexcept;
   static void interpolate(const Knot& begin, const Knot& end, double s, MotionState& state) noexcept;
   MotionState extrapolate(TruthTime time) const noexcept;
+  PositionVelocity extrapolate_position(TruthTime time) const noexcept;
   MotionState before_run(TruthTime time) const noexcept;
   // `member` returns an optional value of knot i.
   template <class Member>

@@ -1,4 +1,5 @@
-// The part of a Timeline that surrounds the vehicle: fields, pressure, temperature and the vehicle's own states.
+// The part of a Timeline beside attitude and rate: the place after the newest truth, fields, pressure, temperature
+// and the vehicle's own states.
 #include <cstddef>
 
 #include "core/timeline.hpp"
@@ -13,6 +14,24 @@ namespace imud {
   std::size_t i = count_ - 1;
   while (i > 0 && knot(i).state.time != truth.time) --i;
   vehicles_[(first_ + i) % capacity] = {truth.time, truth.vehicle};
+}
+
+// The time is after the newest truth, and not after the instant from which motion is held.
+PositionVelocity Timeline::extrapolate_position(TruthTime time) const noexcept {
+  constexpr double greatest = 20;  // m/s^2
+  const Knot& last = knot(count_ - 1);
+  PositionVelocity position = last.position;
+  position.time = time;
+  const double dt = seconds(time - last.state.time);
+  Vector3 dv = Vector3::Zero();
+  if (count_ > 1 && position.is_known && knot(count_ - 2).position.is_known) {
+    const Knot& before = knot(count_ - 2);
+    const Vector3 beside = (position.v_N - before.position.v_N - (last.state.dv_N - before.state.dv_N)) / last.h_s;
+    if (beside.norm() <= greatest) dv = extrapolate(time).dv_N - last.state.dv_N + dt * beside;
+  }
+  position.r_N += dt * (position.v_N + 0.5 * dv);
+  position.v_N += dv;
+  return position;
 }
 
 template <class Member>
