@@ -51,7 +51,7 @@ TEST_F(Pty, ReportsWhetherTheReaderHasReadAll) {
     std::array<char, 64> line{};
     ASSERT_STREQ(::fgets(line.data(), line.size(), client), "ready\n");
     std::uint64_t sent = 0;
-    for (int i = 0; i < 10; ++i) {
+    for (int i = 0; i < 150; ++i) {  // more than a line holds that nobody reads
       const auto some = frames.next(2);
       for (const Frame& frame : some) sent += frame.bytes.size();
       port->send(some);
@@ -64,6 +64,18 @@ TEST_F(Pty, ReportsWhetherTheReaderHasReadAll) {
     EXPECT_EQ(std::stoul(line.data()), sent) << round;
     ::pclose(client);
   }
+}
+
+// While a read() lasts the line looks empty, although bytes that had no room in it are still to come.
+TEST_F(Pty, ALineThatHasJustBecomeEmptyIsNotTakenAsRead) {
+  const auto port = device();
+  const FileDescriptor client = open_terminal(link);
+  port->send(frames.next(3));
+  drain(client.get(), reader);
+  ASSERT_EQ(reader.numbers.size(), 3U);
+  EXPECT_FALSE(port->is_drained());
+  for (int ms = 0; ms < 10'000 && !port->is_drained(); ++ms) ::poll(nullptr, 0, 1);
+  EXPECT_TRUE(port->is_drained());
 }
 
 TEST_F(Pty, ClientIsHungUpWhileTheCableIsOut) {
