@@ -187,6 +187,21 @@ Navigation Earth::navigation(const PositionVelocity& position) const noexcept {
   return navigation;
 }
 
+PositionVelocity Earth::position_velocity(const Navigation& navigation, TruthTime time,
+                                          std::optional<double> earth_angle) const noexcept {
+  PositionVelocity position = {.is_known = true, .time = time, .earth_angle = earth_angle};
+  const Vector3 v_E = dcm_EL(navigation.latitude, navigation.longitude) * navigation.v_L;
+  if (is_local(position)) {
+    position.r_N = q_EN_local_.conjugate() * (navigation.r_E - origin_E_);
+    position.v_N = q_EN_local_.conjugate() * v_E;
+  } else {
+    const Quaternion q = q_NE(position);
+    position.r_N = q * navigation.r_E;
+    position.v_N = q * Vector3(v_E + Vector3(0, 0, units::earth_rate).cross(navigation.r_E));
+  }
+  return position;
+}
+
 Quaternion Earth::q_LN(const PositionVelocity& position, const Navigation& navigation) const noexcept {
   const Quaternion q_LE(dcm_EL(navigation.latitude, navigation.longitude).transpose());
   return q_LE * (is_local(position) ? q_EN_local_ : q_NE(position).conjugate());

@@ -81,6 +81,10 @@ class Earth {
   // Returns the place of a point. It is unknown if `position` is, or if the point is more than some 100 km below the
   // surface. A position with an earth_angle is one in an inertial N, whatever the model's frame.
   Navigation navigation(const PositionVelocity& position) const noexcept;
+  // Returns position and velocity in N of a known place, of which r_E and v_L are used; the inverse of navigation().
+  // `earth_angle` as in PositionVelocity.
+  PositionVelocity position_velocity(const Navigation& navigation, TruthTime time,
+                                     std::optional<double> earth_angle) const noexcept;
   // Returns the origin of relative positions in a run whose first position is `first`: N's own where the frame is
   // local, elsewhere the place of `first`; nullopt if the place is unknown.
   std::optional<Geodetic> origin(const PositionVelocity& first) const noexcept;

@@ -94,6 +94,26 @@ TEST(Earth, AnInertialFrameTurnsUnderneath) {
   EXPECT_LT((v - Vector3(0, 100, 0)).norm(), 1e-9);
 }
 
+TEST(Earth, APlaceHasItsPositionInN) {
+  EarthModel level;
+  level.frame = EarthModel::Frame::local;
+  level.latitude = 0.8;
+  level.longitude = -1.2;
+  const auto expect_inverse = [](const Earth& earth, const PositionVelocity& position) {
+    const Navigation place = earth.navigation(position);
+    ASSERT_TRUE(place.is_known);
+    const PositionVelocity again = earth.position_velocity(place, position.time, position.earth_angle);
+    EXPECT_TRUE(again.is_known);
+    EXPECT_LT((again.r_N - position.r_N).norm(), 1e-8);
+    EXPECT_LT((again.v_N - position.v_N).norm(), 1e-10);
+  };
+  const TruthTime time{70'000'000'000};
+  const Vector3 far = r_E_of({0.81, -1.19, 700}), v(10, 200, -30);
+  expect_inverse(Earth(inertial(0.3)), {true, time, far, v});
+  expect_inverse(Earth(inertial(0.3)), {true, time, far, v, 1.5});
+  expect_inverse(Earth(level), {true, time, {3000, -2000, -500}, v});
+}
+
 // A position that has the Earth's angle is at its own place, whatever the model's frame; an automatic frame knows no
 // other.
 TEST(Earth, TheTruthsOwnAngleHasPrecedence) {
