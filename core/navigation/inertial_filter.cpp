@@ -1,0 +1,158 @@
+#include "core/navigation/inertial_filter.hpp"
+
+#include <cmath>
+
+namespace imud {
+namespace {
+
+using Covariance = InertialFilter::Covariance;
+using Rows = Eigen::Matrix<double, 3, InertialFilter::states>;
+constexpr int states = InertialFilter::states;
+
+Matrix3 cross_matrix(const Vector3& v) {
+  Matrix3 m;
+  m << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
+  return m;
+}
+
+// The blocks of the transition matrix that are neither 0 nor the identity.
+struct Transition {
+  Matrix3 phi_gyro, v_phi, v_gyro, v_accelerometer, v_r, r_phi, r_gyro, r_accelerometer, same;
+  double r_v;
+
+  // Replaces P by the transition matrix times P.
+  void apply(Covariance& P) const {
+    const Rows phi = P.middleRows<3>(InertialFilter::phi), v = P.middleRows<3>(InertialFilter::velocity),
+               r = P.middleRows<3>(InertialFilter::position), gyro = P.middleRows<3>(InertialFilter::gyro_bias),
+               accelerometer = P.middleRows<3>(InertialFilter::accelerometer_bias);
+    P.middleRows<3>(InertialFilter::phi) += phi_gyro.lazyProduct(gyro);
+    P.middleRows<3>(InertialFilter::velocity) = same.lazyProduct(v) + v_phi.lazyProduct(phi) +
+                                                v_gyro.lazyProduct(gyro) +
+                                                v_accelerometer.lazyProduct(accelerometer) + v_r.lazyProduct(r);
+    P.middleRows<3>(InertialFilter::position) = same.lazyProduct(r) + r_v * v + r_phi.lazyProduct(phi) +
+                                                r_gyro.lazyProduct(gyro) + r_accelerometer.lazyProduct(accelerometer);
+  }
+};
+
+// The gradient of the gravitation at r_N, 1/s^2, as of a sphere of that gravitation: within 0.3 % of the Earth's.
+Matrix3 gravity_gradient(const Vector3& g_N, const Vector3& r_N) {
+  if (!is_near_earth(r_N)) return Matrix3::Zero();
+  const double r2 = r_N.squaredNorm();
+  const double rate2 = std::sqrt(g_N.squaredNorm() / r2);
+  return rate2 * (3.0 / r2 * r_N * r_N.transpose() - Matrix3::Identity());
+}
+
+}  // namespace
+
+void InertialFilter::begin(const InertialState& state, const Vector3& gyro_bias_P,
+                           const Vector3& accelerometer_bias_P, const Covariance& covariance) noexcept {
+  strapdown_.begin(state);
+  gyro_bias_ = gyro_bias_P;
+  accelerometer_bias_ = accelerometer_bias_P;
+  P_ = covariance;
+  time_s_ = 0;
+  rotation_s_.setZero();
+  dv_N_.setZero();
+}
+
+void InertialFilter::advance(const Vector3& delta_angle, const Vector3& delta_velocity, double dt) noexcept {
+  const Matrix3 before = strapdown_.state().q_NP.toRotationMatrix();
+  dv_N_ += strapdown_.advance(delta_angle - dt * gyro_bias_, delta_velocity - dt * accelerometer_bias_, dt);
+  rotation_s_ += (0.5 * dt) * (before + strapdown_.state().q_NP.toRotationMatrix());
+  time_s_ += dt;
+  constexpr double rounding_s = 1e-6;
+  if (time_s_ > covariance_period_s - rounding_s) propagate();
+}
+
+void InertialFilter::propagate() noexcept {
+  if (time_s_ == 0) return;
+  const double t = time_s_;
+  const Matrix3 gradient = gravity_gradient(gravitation_N(gravitation(), motion().r_N), motion().r_N),
+                force = cross_matrix(dv_N_);
+  const Matrix3 turned = force * rotation_s_;
+  const Transition transition = {.phi_gyro = -rotation_s_,
+                                 .v_phi = -force,
+                                 .v_gyro = 0.5 * turned,
+                                 .v_accelerometer = -rotation_s_,
+                                 .v_r = t * gradient,
+                                 .r_phi = (-0.5 * t) * force,
+                                 .r_gyro = (t / 6.0) * turned,
+                                 .r_accelerometer = (-0.5 * t) * rotation_s_,
+                                 .same = Matrix3::Identity() + (0.5 * t * t) * gradient,
+                                 .r_v = t};
+  transition.apply(P_);
+  P_.transposeInPlace();
+  transition.apply(P_);
+  const double angle = noise_.gyro * noise_.gyro * t, dv = noise_.accelerometer * noise_.accelerometer * t;
+  const Matrix3 v_phi = (-0.5 * angle) * force;
+  P_.block<3, 3>(velocity, phi) += v_phi;
+  P_.block<3, 3>(phi, velocity) += v_phi.transpose();
+  for (int i = 0; i < 3; ++i) {
+    P_(phi + i, phi + i) += angle;
+    P_(velocity + i, velocity + i) += dv;
+    P_(velocity + i, position + i) += 0.5 * t * dv;
+    P_(position + i, velocity + i) += 0.5 * t * dv;
+    P_(position + i, position + i) += t * t / 3.0 * dv;
+    P_(gyro_bias + i, gyro_bias + i) += noise_.gyro_walk * noise_.gyro_walk * t;
+    P_(accelerometer_bias + i, accelerometer_bias + i) += noise_.accelerometer_walk * noise_.accelerometer_walk * t;
+  }
+  for (int i = 0; i < states; ++i)
+    for (int j = 0; j < i; ++j) P_(i, j) = P_(j, i) = 0.5 * (P_(i, j) + P_(j, i));
+  time_s_ = 0;
+  rotation_s_.setZero();
+  dv_N_.setZero();
+}
+
+double InertialFilter::normalized_square(const Measurement& measurement) const noexcept {
+  const Matrix3 block = P_.block<3, 3>(measurement.first, measurement.first);
+  Matrix3 S = measurement.axes_N * block * measurement.axes_N.transpose();
+  // By Cholesky's decomposition S = K K^T: the square of K^-1 y, row by row.
+  Matrix3 K = Matrix3::Zero();
+  Vector3 z = Vector3::Zero();
+  double sum = 0;
+  for (int i = 0; i < measurement.rows; ++i) {
+    S(i, i) += measurement.variance[i];
+    double y = measurement.innovation[i];
+    for (int j = 0; j <= i; ++j) {
+      double s = S(i, j);
+      for (int k = 0; k < j; ++k) s -= K(i, k) * K(j, k);
+      K(i, j) = i == j ? std::sqrt(s) : s / K(j, j);
+      if (j < i) y -= K(i, j) * z[j];
+    }
+    z[i] = y / K(i, i);
+    sum += z[i] * z[i];
+  }
+  return sum;
+}
+
+void InertialFilter::update(const Measurement& measurement) noexcept {
+  State change = State::Zero();
+  for (int i = 0; i < measurement.rows; ++i)
+    update_row(measurement.first, measurement.axes_N.row(i).transpose(), measurement.innovation[i],
+               measurement.variance[i], change);
+  strapdown_.correct(change.segment<3>(phi), change.segment<3>(velocity), change.segment<3>(position));
+  gyro_bias_ += change.segment<3>(gyro_bias);
+  accelerometer_bias_ += change.segment<3>(accelerometer_bias);
+}
+
+// (I - k h) P (I - k h)^T + k r k^T = P - k (P h)^T - (P h) k^T + s k k^T, where s = h P h^T + r.
+void InertialFilter::update_row(int first, const Vector3& axis_N, double innovation, double variance,
+                                State& change) noexcept {
+  State Ph;
+  for (int i = 0; i < states; ++i)
+    Ph[i] = P_(i, first) * axis_N[0] + P_(i, first + 1) * axis_N[1] + P_(i, first + 2) * axis_N[2];
+  const auto along = [&](const State& x) {
+    return axis_N[0] * x[first] + axis_N[1] * x[first + 1] + axis_N[2] * x[first + 2];
+  };
+  const double s = along(Ph) + variance;
+  const State k = Ph / s;
+  for (int i = 0; i < states; ++i)
+    for (int j = 0; j <= i; ++j) P_(i, j) = P_(j, i) = P_(i, j) - k[i] * Ph[j] - Ph[i] * k[j] + s * (k[i] * k[j]);
+  change += k * (innovation - along(change));
+}
+
+void InertialFilter::add_variance(int first, double variance) noexcept {
+  for (int i = first; i < first + 3; ++i) P_(i, i) += variance;
+}
+
+}  // namespace imud

@@ -1,0 +1,42 @@
+// NavigatorModel: the aids and the tuning of a unit's own navigation filter.
+#pragma once
+
+#include <cstdint>
+
+#include "core/earth/gravitation.hpp"
+#include "core/vector.hpp"
+
+namespace imud {
+
+// The errors of gyros and accelerometers for which the filter allows: roots of two-sided densities, not negative.
+struct InertialNoise {
+  double gyro = 0;                // rad/sqrt(s), angular random walk
+  double accelerometer = 0;       // m/s/sqrt(s), velocity random walk
+  double gyro_walk = 0;           // rad/s/sqrt(s), of the gyros' bias
+  double accelerometer_walk = 0;  // m/s^2/sqrt(s)
+};
+
+// Which aids the filter has, and how it is tuned. Vectors are north, east, down.
+struct NavigatorModel {
+  enum class Alignment : std::uint8_t {
+    coarse,  // by gravity, the magnetic field or the course, and the receiver's velocity
+    truth,   // the first sample of a run has the true attitude, to study drift
+  };
+  bool is_on = false;
+  Alignment alignment = Alignment::coarse;
+  double alignment_s = 1;                // the window of the coarse alignment, above 0
+  double gnss_rate_hz = 5;               // of the receiver's fixes; 0: none is used after the alignment
+  double magnetic_rate_hz = 10;          // of the magnetic heading; 0: none is used after the alignment
+  Vector3 position = {1.5, 1.5, 3.0};    // m, standard deviations of a fix for which the filter allows, above 0
+  Vector3 velocity = {0.05, 0.05, 0.1};  // m/s
+  double heading = 0.035;                // rad, of a magnetic heading
+  InertialNoise noise;
+  double gyro_bias = 0, accelerometer_bias = 0;  // rad/s, m/s^2: standard deviations at the begin
+  // A measurement is rejected where the square of its innovation, in units of the covariance, is above this; after
+  // `accept_after_s` of rejections alone the filter adds to its covariance, and accepts.
+  double gate = 25;
+  double accept_after_s = 10;
+  GravitationModel gravitation;  // of the truth's world
+};
+
+}  // namespace imud

@@ -1,0 +1,153 @@
+#include "core/navigation/inertial_filter.hpp"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Cholesky>
+#include <cmath>
+#include <random>
+
+#include "core/attitude.hpp"
+#include "core/units.hpp"
+
+namespace imud {
+namespace {
+
+using Filter = InertialFilter;
+constexpr double dt = 0.02, g = units::standard_gravity;
+const GravitationModel flat_earth = {.kind = GravitationModel::Kind::constant};
+const InertialNoise mems = {1e-4, 1e-3, 1e-6, 1e-5};
+
+Vector3 draw(std::mt19937_64& random, double sigma) {
+  std::normal_distribution<double> normal(0, sigma);
+  const double x = normal(random), y = normal(random);
+  return {x, y, normal(random)};
+}
+
+// The standard deviations of the errors at the begin. Without aids they must be small, as the errors of the filter's
+// linear model grow with their square.
+Filter::State first_sigma(bool has_aids = true) {
+  Filter::State sigma;
+  sigma << 0.02, 0.02, 0.05, 0.2, 0.2, 0.2, 2, 2, 3, 1e-3, 1e-3, 1e-3, 0.02, 0.02, 0.02;
+  return has_aids ? sigma : Filter::State(0.01 * sigma);
+}
+
+// A flight with turns, climbs and accelerations, whose true motion follows from true increments by the same
+// equations, and a filter that has measured increments. `noise` acts; the filter is tuned for `mems`.
+class Flight {
+ public:
+  Flight(unsigned seed, const InertialNoise& noise, bool has_aids)
+      : random_(seed), noise_(noise), has_aids_(has_aids) {
+    Filter::State error = first_sigma(has_aids);
+    for (int i = 0; i < Filter::states; i += 3) error.segment<3>(i).array() *= draw(random_, 1).array();
+    const InertialState start = {exp(Vector3(0.1, -0.2, 1)), {20, -10, 1}, {100, 200, -300}};
+    truth_.begin(start);
+    gyro_bias_ = error.segment<3>(Filter::gyro_bias);
+    accelerometer_bias_ = error.segment<3>(Filter::accelerometer_bias);
+    const Filter::State variance = first_sigma(has_aids).cwiseProduct(first_sigma(has_aids));
+    filter_.begin({exp(-Vector3(error.segment<3>(Filter::phi))) * start.q_NP,
+                   start.v_N - error.segment<3>(Filter::velocity), start.r_N - error.segment<3>(Filter::position)},
+                  Vector3::Zero(), Vector3::Zero(), variance.asDiagonal());
+  }
+
+  void step() {
+    const double t = dt * static_cast<double>(k_++);
+    const Vector3 rate(0.3 * std::sin(0.9 * t), 0.2 * std::cos(0.7 * t), 0.25 * std::sin(0.31 * t));
+    const Vector3 acceleration_N(2 * std::sin(0.5 * t), 2 * std::cos(0.4 * t), std::sin(0.8 * t));
+    const Vector3 force_P = truth_.state().q_NP.conjugate() * Vector3(acceleration_N - Vector3(0, 0, g));
+    truth_.advance(dt * rate, dt * force_P, dt);
+    gyro_bias_ += draw(random_, noise_.gyro_walk * std::sqrt(dt));
+    accelerometer_bias_ += draw(random_, noise_.accelerometer_walk * std::sqrt(dt));
+    filter_.advance(dt * (rate + gyro_bias_) + draw(random_, noise_.gyro * std::sqrt(dt)),
+                    dt * (force_P + accelerometer_bias_) + draw(random_, noise_.accelerometer * std::sqrt(dt)), dt);
+    if (has_aids_ && k_ % 10 == 0) {
+      aid(Filter::position, truth_.state().r_N - filter_.motion().r_N, 1.5);
+      aid(Filter::velocity, truth_.state().v_N - filter_.motion().v_N, 0.1);
+    }
+  }
+
+  // Returns the square of the error of all states in units of its covariance.
+  double nees() const {
+    Filter::State error;
+    error << log(truth_.state().q_NP * filter_.motion().q_NP.conjugate()), truth_.state().v_N - filter_.motion().v_N,
+        truth_.state().r_N - filter_.motion().r_N, gyro_bias_ - filter_.gyro_bias_P(),
+        accelerometer_bias_ - filter_.accelerometer_bias_P();
+    return error.dot(filter_.covariance().llt().solve(error));
+  }
+  Filter& filter() { return filter_; }
+  void set_aids(bool has_aids) { has_aids_ = has_aids; }
+
+ private:
+  void aid(int first, const Vector3& difference, double sigma) {
+    filter_.propagate();
+    filter_.update({.first = first,
+                    .innovation = difference + draw(random_, sigma),
+                    .variance = Vector3::Constant(sigma * sigma)});
+  }
+
+  std::mt19937_64 random_;
+  InertialNoise noise_;
+  bool has_aids_;
+  Strapdown truth_{flat_earth};
+  Filter filter_{flat_earth, {}, mems};
+  Vector3 gyro_bias_, accelerometer_bias_;
+  std::uint64_t k_ = 0;
+};
+
+// Mean over 40 flights at five instants, 20 s apart.
+double mean_nees(const InertialNoise& noise, bool has_aids) {
+  double sum = 0;
+  int count = 0;
+  for (unsigned seed = 1; seed <= 40; ++seed) {
+    Flight flight(seed, noise, has_aids);
+    for (int k = 1; k <= 5000; ++k) {
+      flight.step();
+      if (k % 1000 != 0) continue;
+      sum += flight.nees();
+      ++count;
+    }
+  }
+  EXPECT_EQ(count, 200);
+  return sum / count;
+}
+
+// The sum of 200 squares of 15 degrees of freedom has a standard deviation of sqrt(2 x 15 x 200): the mean is within
+// 15 +- 1.9 with a probability of false alarm of 1e-6, were all independent.
+TEST(InertialFilter, IsConsistentWithFixes) { EXPECT_NEAR(mean_nees(mems, true), 15, 1.9); }
+TEST(InertialFilter, IsConsistentWithoutAids) {
+  // Without aids the errors of the five instants are one draw each flight: sqrt(5) times the deviation.
+  EXPECT_NEAR(mean_nees(mems, false), 15, 1.9 * std::sqrt(5.0));
+}
+TEST(InertialFilter, NoisierSensorsShow) {
+  EXPECT_GT(mean_nees({4 * mems.gyro, 4 * mems.accelerometer, 4 * mems.gyro_walk, 4 * mems.accelerometer_walk}, true),
+            20);
+}
+
+// Rounding leaves the covariance symmetric to the last bit, and positive definite.
+TEST(InertialFilter, CovarianceStaysDefinite) {
+  Flight flight(1, mems, true);
+  for (int round = 0; round < 20; ++round) {
+    flight.set_aids(round % 3 != 1);  // with outages of 100 s
+    for (int k = 0; k < 5000; ++k) flight.step();
+    const Filter::Covariance& P = flight.filter().covariance();
+    ASSERT_TRUE((P.array() == P.transpose().array()).all());
+    ASSERT_EQ(P.llt().info(), Eigen::Success);
+    ASSERT_GT(P.diagonal().minCoeff(), 0);
+  }
+}
+
+// A row of a measurement: with the variance p before and r of the measurement, p r/(p + r) and p/(p + r) of the
+// innovation.
+TEST(InertialFilter, UpdatesAsScalarsDo) {
+  Filter filter(flat_earth, {}, mems);
+  const Filter::State variance = first_sigma().cwiseProduct(first_sigma());
+  filter.begin({}, Vector3::Zero(), Vector3::Zero(), variance.asDiagonal());
+  const Filter::Measurement position = {
+      .first = Filter::position, .innovation = {1, 2, 3}, .variance = Vector3(4, 1, 9)};
+  EXPECT_NEAR(filter.normalized_square(position), 1.0 / 8 + 4.0 / 5 + 9.0 / 18, 1e-12);
+  filter.update(position);
+  EXPECT_LT((filter.motion().r_N - Vector3(0.5, 1.6, 1.5)).norm(), 1e-12);
+  EXPECT_LT((filter.covariance().diagonal().segment<3>(Filter::position) - Vector3(2, 0.8, 4.5)).norm(), 1e-12);
+}
+
+}  // namespace
+}  // namespace imud
