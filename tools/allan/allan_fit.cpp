@@ -32,14 +32,14 @@ class NullDistribution {
 };
 
 // Returns the solution without the terms that are not seen.
-Solution seen_terms(const AllanSolver& fit) {
-  Solution solution = fit.solve(all_terms);
+AllanSolution seen_terms(const AllanSolver& fit) {
+  AllanSolution solution = fit.solve(all_terms);
   while (true) {
     double least_probable = 0;
     TermSet worst = 0;
     for (std::size_t t = 0; t < allan_term_count; ++t) {
       if (!contains(solution.active, t) || std::popcount(solution.active) == 1) continue;
-      const Solution without = fit.solve(solution.active & ~(1U << t));
+      const AllanSolution without = fit.solve(solution.active & ~(1U << t));
       if (without.active == 0) continue;
       const auto estimate = fit.estimate(t, without);
       const double probability = NullDistribution(estimate).exceeded_with(estimate.square);
@@ -66,7 +66,7 @@ AllanFit fit_allan_terms(const AllanCurve& curve, double from_s, double to_s) {
   AllanSolver fit(curve, from_s, to_s);
   if (!fit.is_possible()) return result;
   fit.choose_misfit();
-  Solution solution = seen_terms(fit);
+  AllanSolution solution = seen_terms(fit);
   // Flicker that begins at an averaging time is lower at shorter ones. Quantization could make up for the difference:
   // it is seen only if flicker alone does not explain the points.
   for (const TermSet allowed : {all_terms & ~quantization_bit, all_terms}) {
@@ -81,7 +81,8 @@ AllanFit fit_allan_terms(const AllanCurve& curve, double from_s, double to_s) {
 
   for (std::size_t t = 0; t < allan_term_count; ++t) {
     AllanFit::Term& term = result.terms[t];
-    const Solution without = fit.solve(contains(solution.active, t) ? solution.active & ~(1U << t) : solution.active);
+    const AllanSolution without =
+        fit.solve(contains(solution.active, t) ? solution.active & ~(1U << t) : solution.active);
     if (without.active != 0)
       term.least_seen = std::sqrt(NullDistribution(fit.estimate(t, without)).quantile_of_false_alarm());
     if (!contains(solution.active, t)) continue;

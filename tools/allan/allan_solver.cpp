@@ -90,7 +90,7 @@ void AllanSolver::set_flicker_band(double from_s) {
       flicker_unit_.array() * (share(flicker_densities(beside)) - here) / std::log(from_s == 0 ? 2 : small);
 }
 
-double AllanSolver::deviance(const Solution& s) const {
+double AllanSolver::deviance(const AllanSolution& s) const {
   // The deviance of gamma distributions, whose points' skewness does not enlarge it as it does a sum of squares.
   const ArrayXd ratio = measured_.array() / s.model.array();
   const ArrayXd degrees = 2 * s.model.array().square() / s.uncertainty.array();
@@ -99,7 +99,7 @@ double AllanSolver::deviance(const Solution& s) const {
 
 double AllanSolver::distance_with_band(double from_s, TermSet allowed) {
   set_flicker_band(from_s);
-  const Solution solution = solve(allowed);
+  const AllanSolution solution = solve(allowed);
   return contains(solution.active, flicker_column) ? deviance(solution) : std::numeric_limits<double>::infinity();
 }
 
@@ -141,8 +141,8 @@ VectorXd AllanSolver::weighted_squares(TermSet set, const VectorXd& weights) con
 
 // Finds the best of all subsets of `allowed` whose terms are all positive, which is the non-negative solution, and
 // repeats it with the weights of the solution.
-Solution AllanSolver::solve(TermSet allowed) const {
-  Solution solution;
+AllanSolution AllanSolver::solve(TermSet allowed) const {
+  AllanSolution solution;
   solution.noise = solution.model = measured_;
   constexpr int most_rounds = 50;
   for (int round = 0; round < most_rounds; ++round) {
@@ -155,7 +155,7 @@ Solution AllanSolver::solve(TermSet allowed) const {
         (deviation.square() * (1 + 2 * (v - n) / n) + (misfit_ * v).square()).max(1e-18 * v.square());
     const VectorXd weights = solution.uncertainty.cwiseInverse();
     double best = std::numeric_limits<double>::infinity();
-    Solution next = solution;
+    AllanSolution next = solution;
     for (TermSet set = 1; set <= all_terms; ++set) {
       if ((set & ~allowed) != 0) continue;
       if ((set & ramp_bit) != 0 && unit_.col(4).maxCoeff() == 0) continue;
@@ -170,7 +170,7 @@ Solution AllanSolver::solve(TermSet allowed) const {
       next.active = set;
       next.squares = squares;
     }
-    if (!std::isfinite(best)) return Solution{};
+    if (!std::isfinite(best)) return AllanSolution{};
     next.model = unit_ * next.squares;
     next.noise = next.model - unit_.col(4) * next.squares[4];
     if ((next.active & ~ramp_bit) == 0) next.noise = 1e-6 * next.model;
@@ -184,7 +184,7 @@ Solution AllanSolver::solve(TermSet allowed) const {
 void AllanSolver::choose_misfit() {
   const auto excess = [&](double misfit) {
     misfit_ = misfit;
-    const Solution s = solve(all_terms);
+    const AllanSolution s = solve(all_terms);
     if (s.active == 0) return 0.0;
     const double freedom = static_cast<double>(measured_.size()) - std::popcount(s.active);
     return deviance(s) / std::max(1.0, freedom);
@@ -204,14 +204,14 @@ void AllanSolver::choose_misfit() {
 }
 
 // The two-sided density of the solution's noise.
-ArrayXd AllanSolver::density(const Solution& solution) const {
+ArrayXd AllanSolver::density(const AllanSolution& solution) const {
   const ArrayXd omega = 2 * std::numbers::pi * frequency_;
   const VectorXd& q = solution.squares;
   return 4 * q[0] / period_ * (omega * (period_ / 2)).sin().square() + q[1] + q[2] * flicker_density_ / omega +
          q[3] / omega.square();
 }
 
-AllanSolver::Estimate AllanSolver::estimate(std::size_t term, const Solution& solution) const {
+AllanSolver::Estimate AllanSolver::estimate(std::size_t term, const AllanSolution& solution) const {
   // The estimate is a sum of the measured variances with the weights `c`, a row of the pseudo-inverse.
   std::vector<Eigen::Index> columns = {static_cast<Eigen::Index>(term)};
   for (std::size_t t = 0; t < allan_term_count; ++t)

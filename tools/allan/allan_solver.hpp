@@ -18,7 +18,7 @@ inline constexpr TermSet ramp_bit = 1U << 4U;
 constexpr bool contains(TermSet set, std::size_t term) noexcept { return ((set >> term) & 1U) != 0; }
 
 // A solution: the squares of the coefficients, the resulting variances, and the variances' uncertainty.
-struct Solution {
+struct AllanSolution {
   TermSet active = 0;
   Eigen::VectorXd squares = Eigen::VectorXd::Zero(allan_term_count);
   Eigen::VectorXd noise;        // expected variance at each point, without the ramp's
@@ -31,7 +31,7 @@ class AllanSolver {
   AllanSolver(const AllanCurve& curve, double from_s, double to_s);
 
   bool is_possible() const noexcept { return measured_.size() >= 2 && measured_.minCoeff() > 0; }
-  Solution solve(TermSet allowed) const;
+  AllanSolution solve(TermSet allowed) const;
   // Chooses the misfit at which the residuals of the solution are as large as expected.
   void choose_misfit();
   double misfit() const noexcept { return misfit_; }
@@ -46,12 +46,12 @@ class AllanSolver {
     double skewness = 0;  // of its distribution
   };
   // Estimates a term with the solution's terms. The estimate's distribution has the solution's noise alone.
-  Estimate estimate(std::size_t term, const Solution& solution) const;
+  Estimate estimate(std::size_t term, const AllanSolution& solution) const;
 
  private:
   Eigen::VectorXd weighted_squares(TermSet set, const Eigen::VectorXd& weights) const;
-  Eigen::ArrayXd density(const Solution& solution) const;
-  double deviance(const Solution& solution) const;
+  Eigen::ArrayXd density(const AllanSolution& solution) const;
+  double deviance(const AllanSolution& solution) const;
   void set_flicker_band(double from_s);
   Eigen::ArrayXd flicker_densities(double from_s) const;
   double distance_with_band(double from_s, TermSet allowed);
