@@ -26,8 +26,7 @@ struct Geodetic {
   double latitude = 0, longitude = 0, height = 0;  // rad, rad, m above the ellipsoid
 };
 
-// The true place and time of a sample on the Earth, without errors (frames
-// E and L: core/README.md).
+// A place and the time of a sample on the Earth (frames E and L: core/README.md).
 struct Navigation {
   bool is_known = false;               // if not, place, time and velocity are 0
   std::uint8_t satellites = 12;        // that a receiver with a fix uses
@@ -42,10 +41,31 @@ struct Navigation {
   Geodetic origin = {};
 };
 
+// The navigation solution of a unit that computes its own (navigation/navigator.hpp).
+struct Solution {
+  enum class State : std::uint8_t {
+    truth,     // attitude and place are the truth's, with the errors of NavigationErrors
+    aligning,  // the attitude is by gravity and the magnetic field; there is no place
+    coasting,  // attitude and place are the filter's, without a fix of the receiver
+    aided,     // they are the filter's, with fixes
+  };
+  State state = State::truth;
+  float since_fix_s = 0;  // since the last fix that was used
+  // Standard deviations by the filter's covariance, of rotations about north, east, down, rad; m/s; m.
+  Eigen::Vector3f attitude = Eigen::Vector3f::Zero(), velocity = Eigen::Vector3f::Zero(),
+                  position = Eigen::Vector3f::Zero();
+  // The filter's estimates of the biases, rad/s and m/s^2, in platform axes.
+  Eigen::Vector3f gyro_bias = Eigen::Vector3f::Zero(), accelerometer_bias = Eigen::Vector3f::Zero();
+
+  bool is_filter() const noexcept { return state != State::truth; }
+};
+
 // One output of the sensor.
 struct Sample {
   // The time that a product reports with the sample.
   DeviceTime stamp() const noexcept { return time + Nanoseconds{stamp_error_ns}; }
+  // The fix of the unit's receiver.
+  const Navigation& fix() const noexcept { return solution.is_filter() ? receiver : navigation; }
 
   DeviceTime time;                           // the device's own time at the end of the step
   std::uint64_t counter = 0;                 // 0 for the first sample after start, one more with each
@@ -54,11 +74,13 @@ struct Sample {
   Vector3 delta_angle = Vector3::Zero();     // rad, over the step that ends at `time`; 0 in the first sample of a run
   Vector3 delta_velocity = Vector3::Zero();  // m/s, over that step
   double temperature_c = 25.0;               // degrees Celsius
-  // The true attitude of the platform relative to north-east-down, for products that report an attitude, as a unit
-  // quaternion: v_L = q_LP * v_P. Where the relation of N to the Earth is unknown (EarthModel::Frame::none), N is
-  // taken as L.
+  // The attitude of the platform relative to north-east-down, for products that report an attitude, as a unit
+  // quaternion: v_L = q_LP * v_P; the true one, unless it is a filter's solution. Where the relation of N to the
+  // Earth is unknown (EarthModel::Frame::none), N is taken as L.
   Quaternion q_LP = Quaternion::Identity();
-  Navigation navigation;                     // the sensor's point S
+  Navigation navigation;  // the sensor's point S
+  Solution solution;      // how q_LP and navigation came about
+  Navigation receiver;    // the receiver's fix, of which navigation is a filter's solution; only if that is so
   Vector3 magnetic_field = Vector3::Zero();  // T; 0 where the place is unknown
   double pressure = 0;                       // Pa; 0 if unknown
   std::uint32_t status = 0;                  // bits of namespace status
