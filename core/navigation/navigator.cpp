@@ -1,0 +1,292 @@
+#include "core/navigation/navigator.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "core/attitude.hpp"
+#include "core/units.hpp"
+
+namespace imud {
+namespace {
+
+std::uint64_t samples_between(double rate_hz, double aid_hz) {
+  return aid_hz > 0 ? static_cast<std::uint64_t>(std::max(1.0, std::floor(rate_hz / aid_hz + 0.5))) : 0;
+}
+
+std::uint64_t samples_of(Nanoseconds latency, double rate_hz) {
+  return static_cast<std::uint64_t>(seconds(latency) * rate_hz + 0.5);
+}
+
+// Returns the covariance of components in other axes; `axes` has the directions of its own as columns.
+Matrix3 turned(const Matrix3& axes, const Vector3& sigma) {
+  return axes * sigma.cwiseProduct(sigma).asDiagonal() * axes.transpose();
+}
+
+}  // namespace
+
+Navigator::Navigator(const NavigatorModel& model, const ImuModel& imu)
+    : model_(model),
+      earth_(imu.earth),
+      start_gps_ns_(imu.earth.start_gps_ns),
+      filter_(model_.gravitation, {imu.delta_angle, imu.delta_velocity}, model_.noise),
+      period_s_(1.0 / imu.rate_hz),
+      latency_(imu.navigation.latency),
+      fix_every_(samples_between(imu.rate_hz, model_.gnss_rate_hz)),
+      heading_every_(samples_between(imu.rate_hz, model_.magnetic_rate_hz)),
+      past_(static_cast<std::size_t>(samples_of(latency_, imu.rate_hz) + 1)) {}
+
+void Navigator::restart() noexcept {
+  is_aligned_ = has_begun_ = false;
+  held_s_ = 0;
+  last_time_.reset();
+  up_P_.reset();
+  number_ = 0;
+}
+
+double Navigator::step(const Sample& sample) noexcept {
+  const double dt = last_time_ ? seconds(sample.time - *last_time_) : 0;
+  last_time_ = sample.time;
+  return dt;
+}
+
+void Navigator::take_at_rest(Sample& sample) noexcept {
+  sample.receiver = sample.navigation;
+  write_aligning(sample, step(sample));
+}
+
+void Navigator::take(Sample& sample, TruthTime time, std::optional<double> earth_angle) noexcept {
+  const double dt = step(sample);
+  sample.receiver = sample.navigation;
+  if (sample.receiver.is_known) {
+    origin_ = sample.receiver.origin;
+    receiver_clock_ns_ = sample.receiver.gps_ns - start_gps_ns_ - (time - TruthTime{}).count();
+  }
+  const bool is_held = (sample.status & status::truth_stale) != 0;
+  if (is_held)
+    held_s_ += dt;
+  else if (std::exchange(held_s_, 0.0) > longest_hold_s)
+    is_aligned_ = has_begun_ = false;
+  if (held_s_ <= longest_hold_s) at_ = {time, earth_angle};
+  const At& at = at_;
+  if (!is_aligned_ && !is_held) align(sample, at, dt);
+  if (!is_aligned_) return write_aligning(sample, dt);
+  if (dt > 0 && held_s_ <= longest_hold_s && number_ != aligned_at_) {
+    filter_.advance(sample.delta_angle, sample.delta_velocity, dt);
+    since_fix_s_ += dt;
+  }
+  past_[number_ % past_.size()] = filter_.motion();
+  const std::uint64_t since = number_ - aligned_at_;
+  if (!is_held && since > 0) {
+    if (fix_every_ > 0 && since % fix_every_ == 0) use_fix(sample, at);
+    if (heading_every_ > 0 && since % heading_every_ == 0) use_heading(sample, at);
+  }
+  ++number_;
+  write(sample, at);
+}
+
+// --- Alignment
+
+void Navigator::align(const Sample& sample, const At& at, double dt) noexcept {
+  if (number_++ > 0 && dt > 0) alignment_.add(sample.delta_angle, sample.delta_velocity, dt, sample.magnetic_field);
+  const Navigation& fix = sample.receiver;
+  if (!fix.is_known) {  // no velocity: the attitude is levelled on, and the window begins at the next fix
+    has_begun_ = false;
+    return;
+  }
+  const PositionVelocity now = in_N(fix, at);
+  if (model_.alignment == NavigatorModel::Alignment::truth)
+    return begin_filter(now, sample, at, q_NL(now, fix) * sample.q_LP, {1e-6, 1e-6});
+  if (has_begun_ && alignment_.time_s() >= model_.alignment_s) {
+    if (const auto aligned = coarse_attitude(now, sample)) {
+      begin_filter(now, sample, at, aligned->q_NP, aligned->sigma);
+      return;
+    }
+    has_begun_ = false;
+  }
+  if (has_begun_) return;
+  has_begun_ = true;
+  alignment_.begin();
+  alignment_v_N_ = now.v_N;
+}
+
+// The change of the velocity less the gravitation's is one direction. The other is the magnetic field, or the course,
+// to which the platform's x axis is taken to point.
+std::optional<Navigator::Aligned> Navigator::coarse_attitude(const PositionVelocity& now,
+                                                             const Sample& sample) const noexcept {
+  const double t = alignment_.time_s();
+  const Vector3 first_N = now.v_N - alignment_v_N_ - t * gravitation_N(filter_.gravitation(), now.r_N);
+  const Vector3 first_P0 = alignment_.delta_velocity_P0();
+  const Quaternion from_L = q_NL(now, sample.receiver);
+  Vector3 second_N, second_P0;
+  Vector2 sigma = {
+      model_.accelerometer_bias / units::standard_gravity + 2.0 * model_.velocity.x() / (units::standard_gravity * t),
+      2.0 * model_.heading};
+  if (!alignment_.magnetic_field_P0().isZero(0.0)) {
+    second_N = from_L * earth_.magnetic_field_L(sample.receiver);
+    second_P0 = alignment_.magnetic_field_P0();
+  } else {
+    constexpr double slowest = 2.0, sideslip = 0.17;  // m/s, rad
+    const Vector3 course_L(sample.receiver.v_L.x(), sample.receiver.v_L.y(), 0.0);
+    if (course_L.squaredNorm() < slowest * slowest) return std::nullopt;
+    second_N = from_L * course_L;
+    second_P0 = alignment_.q_P0P() * Vector3::UnitX();
+    sigma.y() = sideslip;
+  }
+  constexpr double least_sine2 = 1e-2;
+  const auto are_apart = [](const Vector3& a, const Vector3& b) {
+    return a.cross(b).squaredNorm() > least_sine2 * a.squaredNorm() * b.squaredNorm();
+  };
+  if (!are_apart(first_N, second_N) || !are_apart(first_P0, second_P0)) return std::nullopt;
+  return Aligned{rotation_of_pairs(first_N, second_N, first_P0, second_P0) * alignment_.q_P0P(), sigma};
+}
+
+void Navigator::begin_filter(const PositionVelocity& now, const Sample& sample, const At& at, const Quaternion& q_NP,
+                             const Vector2& sigma) noexcept {
+  using Filter = InertialFilter;
+  const Matrix3 axes = q_NL(now, sample.receiver).toRotationMatrix();
+  Filter::Covariance P = Filter::Covariance::Zero();
+  P.block<3, 3>(Filter::phi, Filter::phi) = turned(axes, {sigma.x(), sigma.x(), sigma.y()});
+  P.block<3, 3>(Filter::velocity, Filter::velocity) = turned(axes, model_.velocity);
+  P.block<3, 3>(Filter::position, Filter::position) = turned(axes, model_.position);
+  P.block<3, 3>(Filter::gyro_bias, Filter::gyro_bias).diagonal().setConstant(model_.gyro_bias * model_.gyro_bias);
+  P.block<3, 3>(Filter::accelerometer_bias, Filter::accelerometer_bias)
+      .diagonal()
+      .setConstant(model_.accelerometer_bias * model_.accelerometer_bias);
+  const double age_s = seconds(at.time - now.time);
+  filter_.begin({q_NP, now.v_N, now.r_N + age_s * now.v_N}, Vector3::Zero(), Vector3::Zero(), P);
+  is_aligned_ = true;
+  aligned_at_ = number_;
+  since_fix_s_ = 0;
+}
+
+// --- Aids
+
+bool Navigator::use(const InertialFilter::Measurement& measurement) noexcept {
+  if (!(filter_.normalized_square(measurement) <= model_.gate)) return false;
+  const InertialState before = filter_.motion();
+  filter_.update(measurement);
+  // A late fix is compared with a motion that has all corrections, so that none is made twice.
+  for (InertialState& past : past_) {
+    past.v_N += filter_.motion().v_N - before.v_N;
+    past.r_N += filter_.motion().r_N - before.r_N;
+  }
+  return true;
+}
+
+void Navigator::use_fix(const Sample& sample, const At& at) noexcept {
+  const Navigation& fix = sample.receiver;
+  const std::uint64_t lag = past_.size() - 1;
+  if (!fix.is_known || number_ < aligned_at_ + lag) return;
+  const PositionVelocity measured = in_N(fix, at);
+  const InertialState& then = past_[(number_ - lag) % past_.size()];
+  const double early_s = seconds(latency_) - static_cast<double>(lag) * period_s_;  // of the fix before `then`
+  const Matrix3 axes = q_NL(measured, fix).conjugate().toRotationMatrix();
+  const double factor = static_cast<double>(fix.accuracy_factor);  // the receiver reports its accuracy
+  InertialFilter::Measurement position = {.first = InertialFilter::position,
+                                          .axes_N = axes,
+                                          .innovation = axes * (measured.r_N - then.r_N + early_s * then.v_N),
+                                          .variance = (factor * model_.position).array().square()};
+  const InertialFilter::Measurement velocity = {.first = InertialFilter::velocity,
+                                                .axes_N = axes,
+                                                .innovation = axes * (measured.v_N - then.v_N),
+                                                .variance = (factor * model_.velocity).array().square()};
+  filter_.propagate();
+  if (since_fix_s_ > model_.accept_after_s) {  // the filter's own position is no longer trusted
+    filter_.add_variance(InertialFilter::position, position.innovation.squaredNorm());
+    filter_.add_variance(InertialFilter::velocity, velocity.innovation.squaredNorm());
+  }
+  if (!use(position)) {
+    ++fixes_.rejected;
+    return;
+  }
+  use(velocity);
+  ++fixes_.used;
+  since_fix_s_ = 0;
+}
+
+// The angle about the vertical between the horizontal parts of the measured field and of the Earth's.
+void Navigator::use_heading(const Sample& sample, const At& at) noexcept {
+  if (sample.magnetic_field.isZero(0.0)) return;
+  const Navigation here = place(at);
+  if (!here.is_known) return;
+  const PositionVelocity position = position_of(at);
+  const Quaternion q_LN = earth_.q_LN(position, here);
+  const Vector3 field = q_LN * (filter_.motion().q_NP * sample.magnetic_field), model = earth_.magnetic_field_L(here);
+  constexpr double least = 1e-6;  // T, of the horizontal part: near the poles of the field there is no heading
+  const auto is_steep = [](const Vector3& b) { return b.x() * b.x() + b.y() * b.y() < least * least; };
+  if (is_steep(field) || is_steep(model)) return;
+  const double angle =
+      elementary::atan2(field.x() * model.y() - field.y() * model.x(), field.x() * model.x() + field.y() * model.y());
+  InertialFilter::Measurement heading;
+  heading.first = InertialFilter::phi;
+  heading.rows = 1;
+  heading.axes_N.row(0) = (q_LN.conjugate() * Vector3::UnitZ()).transpose();
+  heading.innovation[0] = angle;
+  heading.variance[0] = model_.heading * model_.heading;
+  filter_.propagate();
+  ++(use(heading) ? headings_.used : headings_.rejected);
+}
+
+// --- Frames
+
+Quaternion Navigator::q_NL(const PositionVelocity& position, const Navigation& place) const noexcept {
+  return earth_.q_LN(position, place).conjugate();
+}
+
+PositionVelocity Navigator::in_N(const Navigation& fix, const At& at) const noexcept {
+  return earth_.position_velocity(fix, at.time - latency_, at.earth_angle);
+}
+
+PositionVelocity Navigator::position_of(const At& at) const noexcept {
+  return {.is_known = true,
+          .time = at.time,
+          .r_N = filter_.motion().r_N,
+          .v_N = filter_.motion().v_N,
+          .earth_angle = at.earth_angle};
+}
+
+Navigation Navigator::place(const At& at) const noexcept { return earth_.navigation(position_of(at)); }
+
+// --- Output
+
+// Level by the mean of the specific force, as if it were gravity's reaction alone; north by the magnetic field,
+// without declination.
+void Navigator::write_aligning(Sample& sample, double dt) noexcept {
+  if (!up_P_) up_P_ = sample.specific_force;
+  *up_P_ = exp(-sample.delta_angle) * *up_P_;
+  *up_P_ += std::min(1.0, dt / model_.alignment_s) * (sample.specific_force - *up_P_);
+  const Vector3 up = *up_P_, field = sample.magnetic_field;
+  const Vector3 ahead = field.isZero(0.0) ? Vector3(Vector3::UnitX()) : field;
+  const bool is_level = up.cross(ahead).squaredNorm() > 1e-6 * up.squaredNorm() * ahead.squaredNorm();
+  sample.q_LP = is_level ? rotation_of_pairs(-Vector3::UnitZ(), Vector3::UnitX(), up, ahead) : Quaternion::Identity();
+  sample.navigation = {};
+  sample.solution = {.state = Solution::State::aligning};
+}
+
+void Navigator::write(Sample& sample, const At& at) const noexcept {
+  sample.navigation = place(at);
+  if (!sample.navigation.is_known) return;
+  const Quaternion q_LN = earth_.q_LN(position_of(at), sample.navigation);
+  sample.navigation.gps_ns += receiver_clock_ns_;
+  sample.navigation.origin = origin_;
+  sample.navigation.satellites = sample.receiver.is_known ? sample.receiver.satellites : 0;
+  sample.navigation.accuracy_factor = sample.receiver.accuracy_factor;
+  sample.q_LP = q_LN * filter_.motion().q_NP;
+  const Matrix3 axes = q_LN.toRotationMatrix();
+  const auto sigma = [&](int first) {
+    const Matrix3 P = axes * filter_.covariance().block<3, 3>(first, first) * axes.transpose();
+    return Vector3(P.diagonal().cwiseSqrt());
+  };
+  const double gap_s = std::max(coasting_after_s, 3.0 * static_cast<double>(fix_every_) * period_s_);
+  sample.solution.state =
+      since_fix_s_ > gap_s || fix_every_ == 0 ? Solution::State::coasting : Solution::State::aided;
+  sample.solution.since_fix_s = static_cast<float>(since_fix_s_);
+  sample.solution.attitude = sigma(InertialFilter::phi).cast<float>();
+  sample.solution.velocity = sigma(InertialFilter::velocity).cast<float>();
+  sample.solution.position = sigma(InertialFilter::position).cast<float>();
+  sample.solution.gyro_bias = filter_.gyro_bias_P().cast<float>();
+  sample.solution.accelerometer_bias = filter_.accelerometer_bias_P().cast<float>();
+}
+
+}  // namespace imud

@@ -1,0 +1,100 @@
+// Navigator: the unit's own navigation solution, from its measured samples.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "core/earth/earth.hpp"
+#include "core/navigation/coarse_alignment.hpp"
+#include "core/navigation/inertial_filter.hpp"
+#include "core/sample.hpp"
+#include "core/timeline.hpp"
+
+namespace imud {
+
+// Sets the noise and the biases as a maker would for the sensors of `imu` (tuning.cpp).
+void tune(NavigatorModel& navigator, const ImuModel& imu) noexcept;
+
+// Replaces the attitude and the place of each sample by the filter's solution. Until the alignment is complete there
+// is no place, and the attitude is by gravity and the magnetic field alone. Without a receiver's fix the solution
+// coasts; the time runs on. Where motion is held because truth has stopped, the solution coasts for a second and is
+// held then; when truth returns it aligns again.
+//
+// Nothing here allocates after construction, locks or throws; not thread-safe.
+class Navigator {
+ public:
+  // NavigationErrors::latency is the age of the receiver's fixes.
+  Navigator(const NavigatorModel& model, const ImuModel& imu);
+
+  // Makes the next sample the first of a run, or of a power on: the alignment begins.
+  void restart() noexcept;
+  // Replaces the solution of a sample. Its place is the receiver's fix, and its attitude the true one; both may have
+  // been changed by faults. `time`: of the truth that it measured; `earth_angle`: PositionVelocity's.
+  void take(Sample& sample, TruthTime time, std::optional<double> earth_angle) noexcept;
+
+  // The same for a vehicle at rest before the first truth of a run: the solution is aligning.
+  void take_at_rest(Sample& sample) noexcept;
+
+  // The filter, whose state is valid if is_aligned().
+  const InertialFilter& filter() const noexcept { return filter_; }
+  bool is_aligned() const noexcept { return is_aligned_; }
+  // Measurements that were used, and that were rejected.
+  struct Counts {
+    std::uint64_t used = 0, rejected = 0;
+  };
+  const Counts& fixes() const noexcept { return fixes_; }
+  const Counts& headings() const noexcept { return headings_; }
+
+ private:
+  struct At {  // of a sample
+    TruthTime time;
+    std::optional<double> earth_angle;
+  };
+  struct Aligned {
+    Quaternion q_NP;
+    Vector2 sigma;  // rad, of tilt and heading
+  };
+  void align(const Sample& sample, const At& at, double dt) noexcept;
+  std::optional<Aligned> coarse_attitude(const PositionVelocity& now, const Sample& sample) const noexcept;
+  void begin_filter(const PositionVelocity& now, const Sample& sample, const At& at, const Quaternion& q_NP,
+                    const Vector2& sigma) noexcept;
+  void use_fix(const Sample& sample, const At& at) noexcept;
+  void use_heading(const Sample& sample, const At& at) noexcept;
+  bool use(const InertialFilter::Measurement& measurement) noexcept;
+  double step(const Sample& sample) noexcept;
+  void write_aligning(Sample& sample, double dt) noexcept;
+  void write(Sample& sample, const At& at) const noexcept;
+  Quaternion q_NL(const PositionVelocity& position, const Navigation& place) const noexcept;
+  PositionVelocity in_N(const Navigation& fix, const At& at) const noexcept;
+  PositionVelocity position_of(const At& at) const noexcept;
+  Navigation place(const At& at) const noexcept;
+
+  static constexpr double coasting_after_s = 1;  // without a fix, or after three of their intervals
+  static constexpr double longest_hold_s = 1;
+
+  NavigatorModel model_;
+  Earth earth_;
+  std::int64_t start_gps_ns_;
+  InertialFilter filter_;
+  CoarseAlignment alignment_;
+  Vector3 alignment_v_N_ = Vector3::Zero();  // m/s, at the begin of the window
+  double period_s_;
+  Nanoseconds latency_;
+  std::uint64_t fix_every_, heading_every_;  // samples; 0: never
+  // The motion after the last samples, a ring by their numbers: a late fix is compared with the motion then.
+  std::vector<InertialState> past_;
+  bool has_begun_ = false;  // the window of the alignment, at a fix
+  bool is_aligned_ = false;
+  std::uint64_t number_ = 0;  // of the next sample since restart()
+  std::uint64_t aligned_at_ = 0;
+  std::optional<DeviceTime> last_time_;
+  std::optional<Vector3> up_P_;  // m/s^2, the mean specific force of the last time, before the alignment
+  double since_fix_s_ = 0, held_s_ = 0;
+  At at_;  // of the last sample that the filter has integrated
+  Geodetic origin_;
+  std::int64_t receiver_clock_ns_ = 0;  // the receiver's GPS time less the true one
+  Counts fixes_, headings_;
+};
+
+}  // namespace imud

@@ -1,0 +1,49 @@
+// The tuning of a Navigator by the errors of its sensors.
+#include <algorithm>
+#include <cmath>
+
+#include "core/navigation/navigator.hpp"
+
+namespace imud {
+namespace {
+
+struct Tuning {
+  double noise = 0, walk = 0, bias = 0;
+};
+
+// The largest of the axes. A slow error that is no random walk counts as the walk that has its Allan deviation after
+// `slow_s`; the figure is chosen: a maker's own tuning is not published.
+Tuning tuning_of(const TriadErrors& errors, double internal_hz) {
+  constexpr double slow_s = 100, flat = 0.664;  // sqrt(2 ln 2/pi), the Allan deviation of B = 1
+  const auto square = [](double x) { return x * x; };
+  const bool is_white = errors.walk_transition.isZero(0.0);
+  Tuning largest;
+  for (int i = 0; i < 3; ++i) {
+    const double step2 = errors.walk_sqrt_cov.row(i).squaredNorm();
+    const double noise2 = square(errors.white_density[i]) + (is_white ? step2 / internal_hz : 0);
+    const double slow2 = square(flat * errors.bias_instability[i]) + square(errors.correlated_sigma[i]);
+    const double walk2 =
+        square(errors.random_walk_density[i]) + (is_white ? 0 : step2 * internal_hz) + 3 * slow2 / slow_s;
+    const double bias2 = square(errors.bias[i]) + square(errors.turn_on_bias[i]) + square(errors.unit_sigma.bias[i]) +
+                         square(errors.turn_on_sigma.bias[i]) + slow2;
+    largest.noise = std::max(largest.noise, std::sqrt(noise2));
+    largest.walk = std::max(largest.walk, std::sqrt(walk2));
+    largest.bias = std::max(largest.bias, std::sqrt(bias2));
+  }
+  return largest;
+}
+
+}  // namespace
+
+void tune(NavigatorModel& navigator, const ImuModel& imu) noexcept {
+  const double internal_hz = imu.rate_hz * imu.internal_samples;
+  const Tuning gyro = tuning_of(imu.gyro, internal_hz), accelerometer = tuning_of(imu.accelerometer, internal_hz);
+  // A filter that trusts its sensors without limit would take no aid.
+  constexpr double least_gyro = 1e-7, least_accelerometer = 1e-6, least_walk = 1e-9, least_bias = 1e-6;
+  navigator.noise = {std::max(gyro.noise, least_gyro), std::max(accelerometer.noise, least_accelerometer),
+                     std::max(gyro.walk, least_walk), std::max(accelerometer.walk, 10 * least_walk)};
+  navigator.gyro_bias = std::max(gyro.bias, least_bias);
+  navigator.accelerometer_bias = std::max(accelerometer.bias, 100 * least_bias);
+}
+
+}  // namespace imud
