@@ -1,0 +1,286 @@
+#include "core/navigation/navigator.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <functional>
+#include <utility>
+#include <vector>
+
+#include "core/attitude.hpp"
+#include "core/earth/earth.hpp"
+#include "core/timeline.hpp"
+#include "core/units.hpp"
+#include "tests/support/allocations.hpp"
+
+namespace imud {
+namespace {
+
+using State = Solution::State;
+
+// A coordinated turn in a local level: 20 m/s on a circle of 200 m, in a bank that keeps the specific force along z,
+// 100 m above the origin at 45 degrees north.
+Truth turn_at(TruthTime time) {
+  constexpr double speed = 20, radius = 200, w = speed / radius, g = units::standard_gravity;
+  const double t = seconds(time - TruthTime{}), yaw = w * t;
+  const double bank = std::atan(speed * w / g);
+  Truth truth;
+  truth.time = time;
+  truth.q_NB = Eigen::AngleAxisd(yaw, Vector3::UnitZ()) * Eigen::AngleAxisd(bank, Vector3::UnitX());
+  truth.omega_BN_B = truth.q_NB.conjugate() * Vector3(0, 0, w);
+  truth.has_position = truth.has_velocity = truth.has_specific_force = true;
+  truth.r_BN_N = {radius * std::sin(yaw), -radius * std::cos(yaw), -100};
+  truth.v_BN_N = {speed * std::cos(yaw), speed * std::sin(yaw), 0};
+  const Vector3 a_N = speed * w * Vector3(-std::sin(yaw), std::cos(yaw), 0);
+  truth.specific_force_B = truth.q_NB.conjugate() * Vector3(a_N - Vector3(0, 0, g));
+  return truth;
+}
+
+// The sensors of a unit, and its filter.
+struct NavigatingUnit : ImuModel {
+  NavigatorModel navigator;
+};
+
+NavigatingUnit ideal_unit() {
+  NavigatingUnit model;
+  model.rate_hz = 50;
+  model.earth.frame = EarthModel::Frame::local;
+  model.earth.latitude = 45 * units::degree;
+  return model;
+}
+
+// White noise and turn-on biases of a good MEMS sensor; a receiver with errors.
+NavigatingUnit mems_unit() {
+  NavigatingUnit model = ideal_unit();
+  model.gyro.white_density = Vector3::Constant(1e-4);
+  model.gyro.turn_on_bias = Vector3::Constant(1e-3);
+  model.accelerometer.white_density = Vector3::Constant(1e-3);
+  model.accelerometer.turn_on_bias = Vector3::Constant(0.02);
+  model.magnetometer.white_density = Vector3::Constant(2e-8);
+  model.navigation.position_noise = model.navigator.position = {1, 1, 2};
+  model.navigation.velocity_noise = model.navigator.velocity = {0.05, 0.05, 0.1};
+  tune(model.navigator, model);
+  return model;
+}
+
+// The errors of a solution: rad about north, east, down; m/s; m, by standard deviations of the same.
+struct Errors {
+  Vector3 attitude, velocity, position;
+};
+
+// Runs the unit through turns, and calls `look` with each sample's solution, its errors and the time, s. `disturb`
+// changes each sample before the navigator has it.
+void fly(const NavigatingUnit& model, double seconds_long, const std::function<void(Sample&, double)>& disturb,
+         const std::function<void(const Sample&, const Errors&, double)>& look, std::uint64_t seed = 1) {
+  Timeline timeline;
+  ImuModel without = model;
+  without.navigation = {};
+  without.magnetometer = {};
+  Imu imu(model, seed, 1), reference(without, seed, 1);
+  Navigator navigator(model.navigator, model);
+  const Grid grid(model.rate_hz), truths(100);
+  std::uint64_t pushed = 0;
+  for (std::uint64_t k = 0; grid.offset(k) <= nanoseconds(seconds_long); ++k) {
+    const TruthTime time = TruthTime{} + grid.offset(k);
+    for (; truths.offset(pushed) <= grid.offset(k); ++pushed)
+      ASSERT_NE(timeline.push(turn_at(TruthTime{} + truths.offset(pushed))), Admission::duplicate);
+    Sample sample = imu.sample(timeline, time, DeviceTime{grid.offset(k).count()});
+    const Sample truth = reference.sample(timeline, time, sample.time);
+    const double t = seconds(grid.offset(k));
+    if (disturb) disturb(sample, t);
+    const std::uint64_t allocated = allocations();
+    navigator.take(sample, time, std::nullopt);
+    EXPECT_EQ(allocations(), allocated);
+    Errors errors;
+    errors.attitude = log(sample.q_LP * truth.q_LP.conjugate());
+    errors.velocity = sample.navigation.v_L - truth.navigation.v_L;
+    errors.position = dcm_EL(truth.navigation.latitude, truth.navigation.longitude).transpose() *
+                      (sample.navigation.r_E - truth.navigation.r_E);
+    look(sample, errors, t);
+  }
+}
+
+void lose_fix(Sample& sample) { sample.navigation = {}; }
+
+TEST(Navigator, AlignsAndConverges) {
+  int aligning = 0, aided = 0, outside = 0, judged = 0;
+  fly(mems_unit(), 120, nullptr, [&](const Sample& sample, const Errors& errors, double t) {
+    aligning += sample.solution.state == State::aligning ? 1 : 0;
+    aided += sample.solution.state == State::aided ? 1 : 0;
+    EXPECT_EQ(sample.navigation.is_known, sample.solution.state != State::aligning);
+    EXPECT_TRUE(sample.receiver.is_known);
+    if (t < 60) return;
+    EXPECT_LT(errors.attitude.head<2>().norm(), 0.5 * units::degree) << t;
+    EXPECT_LT(std::abs(errors.attitude.z()), 2 * units::degree) << t;
+    EXPECT_LT(errors.velocity.norm(), 0.2) << t;
+    EXPECT_LT(errors.position.norm(), 3) << t;
+    for (int i = 0; i < 3; ++i) {
+      ++judged;
+      if (std::abs(errors.position[i]) > 3 * static_cast<double>(sample.solution.position[i])) ++outside;
+    }
+  });
+  EXPECT_EQ(aligning, 50);  // a second of them
+  EXPECT_EQ(aided, 5951);
+  EXPECT_EQ(judged, 3 * 3001);
+  EXPECT_LT(outside, judged / 20);
+}
+
+// An outage of 30 s: the solution goes on, its uncertainty grows, and the first fix after it is used.
+TEST(Navigator, CoastsThroughAnOutage) {
+  const auto outage = [](Sample& sample, double t) {
+    if (t > 60 && t < 90) lose_fix(sample);
+  };
+  int coasting = 0;
+  double largest = 0, sigma_before = 0, sigma_in = 0;
+  std::int64_t last_gps_ns = 0;
+  fly(mems_unit(), 120, outage, [&](const Sample& sample, const Errors& errors, double t) {
+    if (sample.solution.state == State::aligning) return;
+    ASSERT_TRUE(sample.navigation.is_known) << t;
+    EXPECT_GT(sample.navigation.gps_ns, last_gps_ns);
+    last_gps_ns = sample.navigation.gps_ns;
+    const auto sigma = static_cast<double>(sample.solution.position.head<2>().norm());
+    if (t > 61.5 && t < 90) {
+      EXPECT_EQ(sample.solution.state, State::coasting) << t;
+      EXPECT_EQ(sample.navigation.satellites, 0);
+      ++coasting;
+      largest = std::max(largest, errors.position.norm());
+      sigma_in = sigma;
+    } else if (t < 60) {
+      sigma_before = sigma;
+    } else if (t > 95) {
+      EXPECT_EQ(sample.solution.state, State::aided) << t;
+      EXPECT_LT(errors.position.norm(), 5) << t;
+    }
+  });
+  EXPECT_NEAR(coasting, 1424, 1);
+  EXPECT_GT(sigma_in, 5 * sigma_before);
+  EXPECT_GT(largest, 1);
+  EXPECT_LT(largest, 8 * sigma_in);
+}
+
+// A jump of 300 m is rejected at first, and accepted after ten seconds of rejections alone.
+TEST(Navigator, RejectsAJumpAtFirst) {
+  const auto jump = [](Sample& sample, double t) {
+    if (t > 60) move(sample.navigation, {300, 0, 0});
+  };
+  fly(mems_unit(), 100, jump, [&](const Sample&, const Errors& errors, double t) {
+    if (t > 60 && t < 69.5) {
+      EXPECT_LT(errors.position.norm(), 20) << t;
+    } else if (t > 80) {
+      EXPECT_NEAR(errors.position.x(), 300, 20) << t;
+    }
+  });
+}
+
+// 8 deg/s on a gyro for 8 s: the solution leaves the truth by tens of degrees, and comes back.
+TEST(Navigator, AGyroFaultShowsInTheAttitude) {
+  const double bias = 8 * units::degree;
+  const auto fault = [&](Sample& sample, double t) {
+    if (t <= 60 || t > 68) return;
+    sample.rate.x() += bias;
+    sample.delta_angle.x() += 0.02 * bias;
+  };
+  double before = 0, largest = 0;
+  fly(mems_unit(), 80, fault, [&](const Sample&, const Errors& errors, double t) {
+    if (t > 50 && t <= 60) before = std::max(before, errors.attitude.norm());
+    if (t > 60) largest = std::max(largest, errors.attitude.norm());
+  });
+  EXPECT_LT(before, 3 * units::degree);
+  EXPECT_GT(largest, 5 * units::degree);
+}
+
+// A late fix is compared with the motion of its time: at 20 m/s a latency of 0.2 s would be 4 m.
+TEST(Navigator, AllowsForLatency) {
+  NavigatingUnit model = ideal_unit();
+  model.navigation.latency = std::chrono::milliseconds(200);
+  tune(model.navigator, model);
+  fly(model, 60, nullptr, [&](const Sample&, const Errors& errors, double t) {
+    EXPECT_LT(errors.position.norm(), t > 40 ? 0.3 : 1e9) << t;
+  });
+}
+
+// A correction acts on the motion with which later fixes are compared: with fixes every 0.1 s that are 0.5 s late,
+// the corrections would else be made five times, and the solution would swing.
+TEST(Navigator, CorrectsOnceForLateFixes) {
+  NavigatingUnit model = mems_unit();
+  model.navigation.latency = std::chrono::milliseconds(500);
+  model.navigator.gnss_rate_hz = 10;
+  double sum = 0;
+  int count = 0;
+  fly(model, 120, nullptr, [&](const Sample&, const Errors& errors, double t) {
+    if (t < 30) return;
+    sum += errors.position.squaredNorm();
+    ++count;
+  });
+  ASSERT_EQ(count, 4501);
+  EXPECT_LT(std::sqrt(sum / count), 1);
+}
+
+// Truth stops for three seconds: the solution is held after the first, and aligns again.
+TEST(Navigator, HoldsWithTheTruth) {
+  const auto stop = [](Sample& sample, double t) {
+    if (t >= 30 && t < 33) sample.status |= status::truth_stale;
+  };
+  std::optional<Vector3> held;
+  int aligning = 0;
+  fly(mems_unit(), 40, stop, [&](const Sample& sample, const Errors&, double t) {
+    if (t >= 31.1 && t < 33) {
+      EXPECT_TRUE(sample.navigation.is_known);
+      EXPECT_EQ(sample.navigation.r_E, held.value_or(sample.navigation.r_E)) << t;
+      held = sample.navigation.r_E;
+    }
+    if (t > 2 && sample.solution.state == State::aligning) ++aligning;
+  });
+  EXPECT_TRUE(held);
+  EXPECT_NEAR(aligning, 50, 1);
+}
+
+// Without a magnetic field the first heading is the course, and the turn makes it observable.
+TEST(Navigator, AlignsByItsCourse) {
+  const auto no_field = [](Sample& sample, double) { sample.magnetic_field.setZero(); };
+  int known = 0;
+  fly(mems_unit(), 60, no_field, [&](const Sample& sample, const Errors& errors, double t) {
+    known += sample.navigation.is_known ? 1 : 0;
+    EXPECT_LT(std::abs(errors.attitude.z()), (t > 30 ? 3 : 360) * units::degree) << t;
+  });
+  EXPECT_EQ(known, 2951);
+}
+
+// Before a fix there is no place, and the attitude is level by the apparent gravity, which leans by the turn's bank
+// of 11.5 degrees.
+TEST(Navigator, LevelsWithoutAFix) {
+  fly(
+      mems_unit(), 10, [](Sample& sample, double) { lose_fix(sample); },
+      [](const Sample& sample, const Errors& errors, double t) {
+        EXPECT_FALSE(sample.navigation.is_known);
+        EXPECT_EQ(sample.solution.state, State::aligning);
+        EXPECT_NEAR(errors.attitude.head<2>().norm(), 11.5 * units::degree, 2 * units::degree) << t;
+      });
+}
+
+TEST(Navigator, BeginsAtTheTruth) {
+  NavigatingUnit model = ideal_unit();
+  model.navigator.alignment = NavigatorModel::Alignment::truth;
+  model.navigator.gnss_rate_hz = model.navigator.magnetic_rate_hz = 0;
+  tune(model.navigator, model);
+  fly(model, 60, nullptr, [&](const Sample& sample, const Errors& errors, double t) {
+    EXPECT_EQ(sample.solution.state, State::coasting);
+    EXPECT_LT(errors.position.norm(), 1e-3 + 1e-5 * t * t) << t;
+    EXPECT_LT(errors.attitude.norm(), 1e-6) << t;
+  });
+}
+
+TEST(Navigator, TunesBySensors) {
+  NavigatingUnit model = mems_unit();
+  EXPECT_DOUBLE_EQ(model.navigator.noise.gyro, 1e-4);
+  EXPECT_DOUBLE_EQ(model.navigator.noise.accelerometer, 1e-3);
+  EXPECT_DOUBLE_EQ(model.navigator.gyro_bias, 1e-3);
+  model.gyro.random_walk_density = Vector3(1e-6, 3e-6, 2e-6);
+  model.gyro.bias = {0, 0, 2e-3};
+  tune(model.navigator, model);
+  EXPECT_DOUBLE_EQ(model.navigator.noise.gyro_walk, 3e-6);
+  EXPECT_DOUBLE_EQ(model.navigator.gyro_bias, std::sqrt(5e-6));
+}
+
+}  // namespace
+}  // namespace imud
