@@ -252,7 +252,7 @@ void Engine::advance(TruthTime until) noexcept {
 void Engine::complete() noexcept {
   for (Channel* channel : prepared_) {
     if (!is_apart_) channel->count_sample();
-    if (!channel->sensor.is_resting()) ++samples_in_run_;
+    if ((channel->sensor.sample().status & status::at_rest) == 0) ++samples_in_run_;
   }
   prepared_.clear();
 }

@@ -66,7 +66,7 @@ void Channel::prepare(std::optional<TruthTime> truth, bool silent) noexcept {
   const SampleFeed* const feed = awaited.feed();
   Sample& sample = sensor.sample();
   prepared = {&sample, truth, silent, feed != nullptr && feed->wants(number, sample.counter)};
-  if (faults && (!sensor.is_resting() || faults->acts_at_rest()))
+  if (faults && ((sample.status & status::at_rest) == 0 || faults->acts_at_rest()))
     set_faults(faults->active(FaultSeam::wire), faults->active(FaultSeam::power));
 }
 

@@ -97,7 +97,7 @@ FeedSample Channel::feed_sample() const noexcept {
           .status = sample.status,
           .k = sample.counter,
           .time_ns = sample.time.ns,
-          .truth_time = sensor.is_resting() ? std::nullopt : sensor.used_until(),
+          .truth_time = (sample.status & status::at_rest) != 0 ? std::nullopt : sensor.used_until(),
           .is_sent = !is_discarded_ && !paused_ && unit.is_on(),
           .temperature_c = sample.temperature_c,
           .rate = sample.rate,

@@ -30,8 +30,6 @@ class Sensor {
   const Sample& sample() const noexcept { return sample_; }
   // Returns how far it was ahead of the newest truth.
   Nanoseconds ahead() const noexcept { return ahead_; }
-  // Returns true if it was taken at rest.
-  bool is_resting() const noexcept { return is_resting_; }
   // Returns the time up to which the truth of this run was used; nullopt before its first sample.
   std::optional<TruthTime> used_until() const noexcept {
     return has_sampled_ ? std::optional(imu_.advanced_to()) : std::nullopt;
