@@ -86,9 +86,12 @@ TriadErrors read_magnetometer(TableReader table, const TriadErrors* product, dou
 // Reads [[imu.cause]] into model.causes; the errors of the three triads must be read (sensor_keys.cpp).
 void read_causes(TableReader& imu, ImuModel& model);
 
-// Read a barometer's errors, over the product's errors, and a navigation solution's errors (navigation_config.cpp).
+// Read a barometer's errors, over the product's errors, and the errors or the filter of a navigation solution, for
+// which the errors of the sensors must be read (navigation_config.cpp).
 void read_barometer(TableReader table, BarometerErrors& errors);
-NavigationErrors read_navigation(TableReader table);
+void read_navigation(TableReader table, ImuConfig& imu);
+// Gives the filter the gravitation of the truth's world, in which its receiver must have places.
+void read_world(TableReader& imu, const TruthConfig& truth, NavigatorModel& navigator);
 
 // Read the vibration of a sensor, and its temperature (environment_config.cpp).
 VibrationModel read_vibration(TableReader table);

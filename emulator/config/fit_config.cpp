@@ -100,7 +100,7 @@ void read_fit(TableReader& table, ClockMode clock, TruthConfig& truth) {
   } else {
     fit.delay = nanoseconds(1e-3 * table.real("fit_delay_ms", 30.0, 1.0, 500.0));
   }
-  fit.gravitation = read_gravitation(table);
+  fit.gravitation = truth.gravitation = read_gravitation(table);
   if (derives) truth.fit = fit;
   truth.r_RB_B = table.vector3("r_RB_B_m", truth.r_RB_B);
 }

@@ -383,7 +383,7 @@ ImuConfig read_imu(TableReader& table, std::size_t index) {
   read_errors(table, product, imu);
   read_causes(table, imu.model);
   read_barometer(table.child("barometer"), imu.model.barometer);
-  imu.model.navigation = read_navigation(table.child("navigation"));
+  read_navigation(table.child("navigation"), imu);
   TableReader increments = table.child("increments");
   imu.model.delta_angle = increments.choice<DeltaAngle>(
       "delta_angle", {{DeltaAngle::rotation_vector, "rotation_vector"}, {DeltaAngle::integral, "integral"}},

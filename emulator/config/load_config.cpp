@@ -309,7 +309,8 @@ Config read_config(ConfigText text, const std::string& path, const std::string& 
       TableReader reader(&imu, fmt::format("imu.{}.", i), imu.source().begin.line, faults, resolved_imu);
       ImuConfig& read = config.imus.emplace_back(read_imu(reader, i));
       read.model.earth = config.truth.earth;
-      if (config.truth.earth.frame == EarthModel::Frame::automatic && !carries_place(read))
+      read_world(reader, config.truth, read.navigator);
+      if (config.truth.earth.frame == EarthModel::Frame::automatic && !carries_place(read) && !read.navigator.is_on)
         read.model.earth.frame = EarthModel::Frame::none;  // nobody sees it, and it takes time
       read.model.r_SB_B -= config.truth.r_RB_B;            // core's B has its origin at R
       const auto set_delivery = [&](PortSettings& port) {

@@ -1,4 +1,5 @@
 // The errors of barometers and navigation solutions in a configuration.
+#include "core/navigation/navigator.hpp"
 #include "core/units.hpp"
 #include "emulator/config/config_parts.hpp"
 
@@ -30,8 +31,51 @@ void read_barometer(TableReader table, BarometerErrors& errors) {
   table.finish();
 }
 
-NavigationErrors read_navigation(TableReader table) {
-  NavigationErrors errors;
+namespace {
+
+// The keys of the unit's own filter. Where no accuracies are stated, the receiver is under an open sky.
+void read_navigator(TableReader& table, const ImuModel& model, NavigatorModel& navigator) {
+  navigator.is_on = table.choice<bool>("solution", {{false, "truth"}, {true, "filter"}}, false);
+  // Without the filter an absent key has no value.
+  const auto check = [&](const char* key) {
+    if (!navigator.is_on) table.fault(key, "needs solution = \"filter\"");
+  };
+  const auto number = [&](const char* key, double initial, double min, double max) {
+    if (!navigator.is_on && !table.has(key)) return initial;
+    const double value = table.real(key, initial, min, max);
+    check(key);
+    return value;
+  };
+  using Alignment = NavigatorModel::Alignment;
+  if (navigator.is_on || table.has("alignment")) {
+    navigator.alignment = table.choice<Alignment>(
+        "alignment", {{Alignment::coarse, "coarse"}, {Alignment::truth, "truth"}}, Alignment::coarse);
+    check("alignment");
+  }
+  navigator.alignment_s = number("alignment_s", navigator.alignment_s, 0.01, 3600);
+  navigator.gnss_rate_hz = number("gnss_rate_hz", navigator.gnss_rate_hz, 0, 100);
+  navigator.magnetic_rate_hz = number("magnetic_rate_hz", navigator.magnetic_rate_hz, 0, 100);
+  navigator.heading = units::degree * number("magnetic_heading_deg", 2, 0.01, 180);
+  navigator.accept_after_s = number("accept_after_s", navigator.accept_after_s, 0, 1e6);
+  if (!navigator.is_on) return;
+  const NavigationErrors& errors = model.navigation;
+  if (!errors.attitude.isZero(0.0))
+    table.fault(errors.attitude.x() > 0 ? "roll_pitch_deg" : "heading_deg",
+                "the filter computes the attitude from the sensors; omit the key");
+  constexpr double least = 0.01;  // m, m/s
+  const auto allow = [least](const Vector3& slow, const Vector3& white, Vector3& sigma) {
+    if (slow.isZero(0.0) && white.isZero(0.0)) return;
+    sigma = (slow.array().square() + white.array().square()).sqrt().max(least);
+  };
+  allow(errors.position, errors.position_noise, navigator.position);
+  allow(errors.velocity, errors.velocity_noise, navigator.velocity);
+  tune(navigator, model);
+}
+
+}  // namespace
+
+void read_navigation(TableReader table, ImuConfig& imu) {
+  NavigationErrors& errors = imu.model.navigation;
   const auto correlation = [&table](std::string_view key, double& time_s) {
     time_s = table.real(key, time_s, 1e-3, 1e9);
   };
@@ -47,8 +91,24 @@ NavigationErrors read_navigation(TableReader table) {
   const double roll_pitch = units::degree * table.real("roll_pitch_deg", 0, 0, 90);
   errors.attitude = {roll_pitch, roll_pitch, units::degree * table.real("heading_deg", 0, 0, 180)};
   correlation("attitude_correlation_s", errors.attitude_correlation_s);
+  read_navigator(table, imu.model, imu.navigator);
   table.finish();
-  return errors;
+}
+
+void read_world(TableReader& imu, const TruthConfig& truth, NavigatorModel& navigator) {
+  navigator.gravitation = truth.gravitation;
+  using Frame = EarthModel::Frame;
+  using Kind = TruthFrame::Kind;
+  if (!navigator.is_on || truth.earth.frame == Frame::local || truth.earth.frame == Frame::inertial) return;
+  if (truth.earth.frame == Frame::none || truth.frame.kind == Kind::local || truth.frame.kind == Kind::inertial)
+    imu.fault(
+        "navigation",
+        "solution = \"filter\" needs places on the Earth for its receiver, which this truth does not have; give "
+        "earth.frame = \"local\" with latitude_deg and longitude_deg, or \"inertial\"");
+  else if (truth.frame.kind == Kind::unknown)
+    imu.warn("navigation",
+             "solution = \"filter\" aligns only with truth that has places on the Earth; give earth.frame if it has "
+             "positions alone");
 }
 
 }  // namespace imud

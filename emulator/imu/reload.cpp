@@ -185,12 +185,13 @@ Reload::Reload(const Config& before, const Config& after, std::span<const ImuCon
     if (!changes_sensor(imu->name)) continue;
     const bool is_ideal = imus[i].errors_model == model_of_truth;
     const ImuModel model = is_ideal ? without_errors(*imu).model : imu->model;
-    const bool filters = !is_ideal && imus[i].device_filters;
+    const bool filters = !is_ideal && imus[i].device_filters, filters_itself = !is_ideal && imu->navigator.is_on;
     sensors.push_back(
         {.channel = i,
          .model = model,
          .imu = Imu(model, imus[i].seed.value_or(seed), stream_id(imus[i].name)),
          .oscillator = Oscillator(model.oscillator, model.temperature, model.temperature_c, imu->grid),
+         .navigator = filters_itself ? std::optional<Navigator>(std::in_place, imu->navigator, model) : std::nullopt,
          .grid = changes_key("rate_hz") || changes_key("clock_error_ppm") ? std::optional(imu->grid) : std::nullopt,
          .device = nullptr,
          .delivered_device = nullptr,

@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "core/imu.hpp"
+#include "core/navigation/navigator.hpp"
 #include "core/timeline.hpp"
 #include "emulator/faults/channel_faults.hpp"
 #include "emulator/imu/device_clock.hpp"
@@ -25,6 +26,8 @@ class Sensor {
   DeviceClock& clock() noexcept { return clock_; }
   const DeviceClock& clock() const noexcept { return clock_; }
   const Grid& grid() const noexcept { return grid_; }
+  // Returns the unit's own filter; nullptr: it has none.
+  const Navigator* navigator() const noexcept { return navigator_ ? &*navigator_ : nullptr; }
   // The last sample that was taken.
   Sample& sample() noexcept { return sample_; }
   const Sample& sample() const noexcept { return sample_; }
@@ -49,7 +52,10 @@ class Sensor {
   // Replaces the seed, as Imu::set_seed() does.
   void set_seed(std::uint64_t seed) noexcept;
   // The next sample has the turn-on errors of another start.
-  void restart() noexcept { imu_.power_on(++power_ons_); }
+  void restart() noexcept {
+    imu_.power_on(++power_ons_);
+    if (navigator_) navigator_->restart();
+  }
   // Filters as the device's settings have them. Without effect unless the product has such settings.
   void set_filters(const std::optional<SensorFilters>& filters) noexcept;
   // Exchanges the model for a reload's, which goes on where the old one was (Imu::continue_from()).
@@ -57,6 +63,7 @@ class Sensor {
 
  private:
   void take_errors(const Timeline& timeline, TruthTime time) noexcept;
+  void navigate(const Timeline& timeline, TruthTime time) noexcept;
   void take_clock_errors(std::optional<double> truth_c) noexcept;
   // Returns the UTC, ns since 1970, of a time of the clock; nullopt if the host's clock does not pace it.
   std::optional<std::int64_t> utc_ns_of(DeviceTime time) const noexcept;
@@ -67,7 +74,9 @@ class Sensor {
   Normals normals_;  // of the errors of the clock
   Oscillator oscillator_;
   StampError stamp_error_;
-  bool has_clock_errors_;      // one of the two is on
+  bool has_clock_errors_;               // one of the two is on
+  std::optional<Navigator> navigator_;  // the unit computes its own solution
+  const Nanoseconds sampling_delay_;
   const bool device_filters_;  // the device's settings have the filters
   SensorFilters filters_;      // if device_filters_
   ChannelFaults* const faults_;

@@ -53,6 +53,7 @@ ImuConfig ideal(const ImuConfig& imu) {
   model.current_field_sigma.setZero();
   model.barometer = BarometerErrors{};
   model.navigation = NavigationErrors{};
+  same.navigator.is_on = false;
   return same;
 }
 

@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "core/imu.hpp"
+#include "core/navigation/navigator_model.hpp"
 #include "core/pose/pose_fit.hpp"
 #include "core/timeline.hpp"
 #include "emulator/ground/truth_bounds.hpp"
@@ -63,6 +64,7 @@ struct TruthConfig {
   TruthDelay clock;  // for realtime with live truth
   WhenStopped when_stopped = WhenStopped::hold;
   std::optional<PoseFit::Options> fit;  // nullopt: nothing is derived
+  GravitationModel gravitation;         // of the truth's world
   bool ignores_force = false;           // no specific force is used or derived
   TruthFrame frame;                     // as far as the format and its settings determine it
   EarthModel earth;                     // the Earth of every imu
@@ -100,6 +102,7 @@ struct ImuConfig {
   SyncConfig sync;
   std::string errors_model;  // the key `model`: the source of the errors in `model`
   ImuModel model;
+  NavigatorModel navigator;     // the unit's own solution, with the gravitation of the truth's world
   bool device_filters = false;  // the product's settings choose the filters of `model`
 };
 
