@@ -10,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/units.hpp"
 #include "emulator/config/config_parts.hpp"
 #include "emulator/config/line_load.hpp"
 #include "emulator/config/presets.hpp"
@@ -57,6 +58,22 @@ std::string delay_text(const TruthConfig& truth) {
       1e3 * seconds(truth.clock.delay));
 }
 
+// Describes the unit's own filter.
+std::string solution_text(const NavigatorModel& navigator) {
+  const auto aid = [](double rate_hz, std::string_view what, const std::string& accuracy) {
+    return rate_hz > 0 ? fmt::format("{} at {:g} Hz ({})", what, rate_hz, accuracy) : fmt::format("no {}", what);
+  };
+  const bool is_coarse = navigator.alignment == NavigatorModel::Alignment::coarse;
+  return fmt::format(
+      "solution by the unit's filter: {}, {}; {}",
+      aid(navigator.gnss_rate_hz, "fixes",
+          fmt::format("{:.3g} m, {:.3g} m/s north", navigator.position.x(), navigator.velocity.x())),
+      aid(navigator.magnetic_rate_hz, "magnetic headings",
+          fmt::format("{:.3g} deg", navigator.heading / units::degree)),
+      is_coarse ? fmt::format("no place until it has aligned, {:g} s after the first fix", navigator.alignment_s)
+                : "it begins at the true attitude");
+}
+
 void print_text(const std::string& path, const Config& config) {
   fmt::print("{}: good\n", path);
   fmt::print("{:<8} seed {}, clock {}\n", "run", config.seed, word_of(clock_words, config.clock));
@@ -82,6 +99,7 @@ void print_text(const std::string& path, const Config& config) {
     for (const TriadFilter& triad : triad_filters(imu.model))
       fmt::print("{:<8} {} filter{} at {} Hz: {}\n", "", triad.name, imu.device_filters ? " of the product" : "",
                  triad.rate_hz, triad.text());
+    if (imu.navigator.is_on) fmt::print("{:<8} {}\n", "", solution_text(imu.navigator));
   }
   for (const BusLoad& bus : bus_loads(config.imus))
     if (bus.imus.size() > 1) fmt::print("{:<8} {}, {} imus: {}\n", "bus", bus.address, bus.imus.size(), bus.text());

@@ -165,6 +165,12 @@ void Channel::publish() noexcept {
   unpublished_ = 0;
   unit.publish(counters);
   if (sync) counters.edges_refused.store(sync->refused(), std::memory_order_relaxed);
+  if (const Navigator* navigator = sensor.navigator()) {
+    counters.fixes_used.store(navigator->fixes().used, std::memory_order_relaxed);
+    counters.fixes_rejected.store(navigator->fixes().rejected, std::memory_order_relaxed);
+    counters.headings_used.store(navigator->headings().used, std::memory_order_relaxed);
+    counters.headings_rejected.store(navigator->headings().rejected, std::memory_order_relaxed);
+  }
   lines.publish(counters, faults ? faults->messages().lost() : 0);
 }
 

@@ -76,7 +76,7 @@ TEST_F(SummaryTest, TheTextHasEveryCounterThatIsNotZero) {
       *const_cast<Counter*>(counter) = number;
       EXPECT_TRUE(contains(text(summarize(1)), words)) << text(summarize(1));
     }
-  EXPECT_EQ(number, 70U + 12U + 17U + 6U + 21U);
+  EXPECT_EQ(number, 70U + 12U + 17U + 6U + 25U);
   EXPECT_TRUE(contains(text(summarize(1)), " not sent"));
 }
 
@@ -164,9 +164,10 @@ TEST_F(SummaryTest, TheJsonHasEveryFigure) {
                           "lost", "rate_hz", "stops", "returns", "clock_rate", "offset_us", "jitter_us", "age_us"})
     EXPECT_TRUE(all["truth"].contains(key)) << key;
   for (const char* key :
-       {"samples",    "frames",         "dropped",        "extrapolated",  "held",         "silent",   "missed",
-        "skipped",    "replies",        "at_rest",        "edges_refused", "lateness_us",  "write_us", "reply_us",
-        "bus_errors", "error_warnings", "error_passives", "bus_offs",      "bus_restarts", "refused"})
+       {"samples",        "frames",         "dropped",           "extrapolated", "held",          "silent",
+        "missed",         "skipped",        "replies",           "at_rest",      "edges_refused", "fixes_used",
+        "fixes_rejected", "headings_used",  "headings_rejected", "lateness_us",  "write_us",      "reply_us",
+        "bus_errors",     "error_warnings", "error_passives",    "bus_offs",     "bus_restarts",  "refused"})
     EXPECT_TRUE(all["imus"][1].contains(key)) << key;
 }
 
