@@ -227,10 +227,10 @@ class DroneCanDevice final : public Device {
                     out);
         break;
       case gnss_auxiliary.id:
-        broadcast(type, priority, auxiliary_of(sample.navigation).bytes(), out);
+        broadcast(type, priority, auxiliary_of(sample.fix()).bytes(), out);
         break;
       case gnss_fix2.id:
-        broadcast(type, priority, fix2_of(sample.navigation, figures_, time).bytes(), out);
+        broadcast(type, priority, fix2_of(sample.fix(), figures_, time).bytes(), out);
         break;
       default: {
         constexpr double zero_celsius = 273.15;

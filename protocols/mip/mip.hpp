@@ -194,7 +194,7 @@ class Fields {
   void put_quaternion(Packet& packet) const noexcept;
   void put_euler(Packet& packet) const noexcept;
   static void put_gps_time(Packet& packet, std::int64_t ns) noexcept;
-  void put_position(Packet& packet) const noexcept;
+  static void put_position(Packet& packet, const Navigation& navigation) noexcept;
   bool is_known() const noexcept { return sample_.navigation.is_known; }
   std::int64_t true_gps_ns(DeviceTime at) const noexcept;  // GPS time of a receiver; 0 if the truth has none
   bool has_week() const noexcept;

@@ -49,16 +49,20 @@ Fields::FilterState Fields::filter_state() const noexcept {
   return is_known() ? FilterState::full_navigation : FilterState::ahrs;
 }
 
-// The filter finds no biases. Where it reports the truth, its uncertainty is as under an open sky.
+// A filter that reports the truth finds no biases, and its uncertainty is as under an open sky.
 void Fields::put_filter(Packet& packet, std::uint8_t descriptor, DeviceTime at) const noexcept {
   const Navigation& navigation = sample_.navigation;
   const FilterState state = filter_state();
   const bool navigates = is_known() && (!memory_.model().is(gq7) || state == FilterState::full_navigation);
   const bool is_stable = !memory_.model().is(gq7) || state != FilterState::initialization;
+  const Solution& solution = sample_.solution;
+  const auto uncertainty = [&](const Eigen::Vector3f& of_filter, const Vector3& otherwise) {
+    return solution.is_filter() ? Vector3(of_filter.cast<double>()) : otherwise;
+  };
   std::uint16_t valid = is_stable;
   switch (descriptor) {
     case 0x01:
-      put_position(packet);
+      put_position(packet, navigation);
       valid = navigates;
       break;
     case 0x02:
@@ -77,21 +81,23 @@ void Fields::put_filter(Packet& packet, std::uint8_t descriptor, DeviceTime at) 
       put_euler(packet);
       break;
     case 0x06:
-      packet.put_floats(Vector3::Zero());
+      packet.put_floats(memory_.active().q_PV.conjugate() * Vector3(solution.gyro_bias.cast<double>()));
       break;
     case 0x08:
-      packet.put_floats(double{navigation.accuracy_factor} *
-                        figure_or(figures_.position, {0.5, 0.5, 0.8}));  // m: north, east, down
+      packet.put_floats(
+          uncertainty(solution.position, double{navigation.accuracy_factor} *
+                                             figure_or(figures_.position, {0.5, 0.5, 0.8})));  // m: north, east, down
       valid = navigates;
       break;
     case 0x09:
-      packet.put_floats(double{navigation.accuracy_factor} *
-                        figure_or(figures_.velocity, {0.03, 0.03, 0.05}));  // m/s
+      packet.put_floats(uncertainty(solution.velocity, double{navigation.accuracy_factor} *
+                                                           figure_or(figures_.velocity, {0.03, 0.03, 0.05})));  // m/s
       valid = navigates;
       break;
     case 0x0A:
-      packet.put_floats(
-          figure_or(figures_.attitude, {0.25 * units::degree, 0.25 * units::degree, heading_uncertainty}));
+      packet.put_floats(uncertainty(
+          solution.attitude,
+          figure_or(figures_.attitude, {0.25 * units::degree, 0.25 * units::degree, heading_uncertainty})));
       break;
     case 0x0B:
       packet.put_floats(Vector3::Constant(1e-4));  // rad/s
@@ -110,7 +116,8 @@ void Fields::put_filter(Packet& packet, std::uint8_t descriptor, DeviceTime at) 
       break;
     case 0x12:
       for (int i = 0; i < 4; ++i)  // half of the angle about any axis
-        packet.put_float(figure_or(0.5 * figures_.attitude.norm() / std::sqrt(3.0), 0.004));
+        packet.put_float(solution.is_filter() ? 0.5 * static_cast<double>(solution.attitude.norm()) / std::sqrt(3.0)
+                                              : figure_or(0.5 * figures_.attitude.norm() / std::sqrt(3.0), 0.004));
       break;
     case 0x13:
       packet.put_floats(gravity());
@@ -156,15 +163,16 @@ void Fields::put_dual_antenna(Packet& packet, DeviceTime at) const noexcept {
 
 // Where the receiver reports the truth, its accuracies are as under an open sky.
 void Fields::put_gnss(Packet& packet, std::uint8_t descriptor, DeviceTime at) const noexcept {
-  const Navigation& navigation = sample_.navigation;
+  const Navigation& navigation = sample_.fix();
+  const bool is_fixed = navigation.is_known;
   const Vector3& v = navigation.v_L;
-  const auto if_known = [&](int flags) { return static_cast<std::uint16_t>(is_known() ? flags : 0); };
+  const auto if_known = [&](int flags) { return static_cast<std::uint16_t>(is_fixed ? flags : 0); };
   const auto put_accuracy = [&](double figure, double otherwise) {
-    packet.put_float(is_known() ? double{navigation.accuracy_factor} * figure_or(figure, otherwise) : 0.0);
+    packet.put_float(is_fixed ? double{navigation.accuracy_factor} * figure_or(figure, otherwise) : 0.0);
   };
   switch (descriptor) {
     case 0x03:
-      put_position(packet);
+      put_position(packet, navigation);
       packet.put(navigation.height);  // in place of the height above mean sea level, which is flagged as invalid
       put_accuracy(figures_.position.head<2>().norm(), 1.2);  // m, horizontal
       put_accuracy(figures_.position.z(), 1.8);               // m, vertical
@@ -187,7 +195,7 @@ void Fields::put_gnss(Packet& packet, std::uint8_t descriptor, DeviceTime at) co
       break;
     }
     case 0x07:  // under an open sky: geometric, position, horizontal, vertical, time, north, east
-      for (const float dop : {1.65F, 1.44F, 0.80F, 1.20F, 0.80F, 0.57F, 0.57F}) packet.put(is_known() ? dop : 99.99F);
+      for (const float dop : {1.65F, 1.44F, 0.80F, 1.20F, 0.80F, 0.57F, 0.57F}) packet.put(is_fixed ? dop : 99.99F);
       packet.put(if_known(0x7F));
       break;
     case 0x08:
@@ -198,8 +206,8 @@ void Fields::put_gnss(Packet& packet, std::uint8_t descriptor, DeviceTime at) co
       packet.put(if_known(0x03));
       break;
     case 0x0B:  // 3D or none
-      packet.put(static_cast<std::uint8_t>(is_known() ? 0 : 3));
-      packet.put(static_cast<std::uint8_t>(is_known() ? navigation.satellites : 0));
+      packet.put(static_cast<std::uint8_t>(is_fixed ? 0 : 3));
+      packet.put(static_cast<std::uint8_t>(is_fixed ? navigation.satellites : 0));
       packet.put(std::uint16_t{0});
       packet.put(std::uint16_t{0x07});
       break;
@@ -214,10 +222,10 @@ void Fields::put_gnss(Packet& packet, std::uint8_t descriptor, DeviceTime at) co
   }
 }
 
-void Fields::put_position(Packet& packet) const noexcept {
-  packet.put(sample_.navigation.latitude / units::degree);
-  packet.put(sample_.navigation.longitude / units::degree);
-  packet.put(sample_.navigation.height);
+void Fields::put_position(Packet& packet, const Navigation& navigation) noexcept {
+  packet.put(navigation.latitude / units::degree);
+  packet.put(navigation.longitude / units::degree);
+  packet.put(navigation.height);
 }
 
 Vector3 Fields::gravity() const noexcept {

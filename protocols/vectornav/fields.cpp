@@ -196,8 +196,9 @@ std::size_t field_size(unsigned group, unsigned bit) noexcept {
 }
 
 void put_fields(const BinaryOutput& output, const Reading& reading, const Sums& sums, BinaryFrame& frame) noexcept {
-  const Quantities now(reading, sums);
-  for (unsigned group = 0; group < groups; ++group)
+  const Quantities solution(reading, sums), receiver = Quantities::of_receiver(reading, sums);
+  for (unsigned group = 0; group < groups; ++group) {
+    const Quantities& now = group == gnss1 || group == gnss2 ? receiver : solution;
     for (unsigned bit = 0; bit < mask_bits; ++bit) {
       if ((output.masks[group] >> bit & 1U) == 0) continue;
       const BinaryField* field = find(group, bit);
@@ -206,6 +207,7 @@ void put_fields(const BinaryOutput& output, const Reading& reading, const Sums& 
       if (field->put != nullptr && is_known(group, now)) field->put(now, frame);
       frame.fill(end);
     }
+  }
 }
 
 }  // namespace imud::vectornav

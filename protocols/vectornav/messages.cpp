@@ -151,7 +151,8 @@ unsigned type_of_register(unsigned id) noexcept {
 void put_measurement(unsigned type, const Reading& reading, Sums& sums, Message& message) noexcept {
   const MessageType* known = find(type);
   if (known == nullptr) return;
-  const Quantities now(reading, sums);
+  const bool is_of_receiver = known->register_id == 58 || known->register_id == 59;  // VNGPS, VNGPE
+  const Quantities now = is_of_receiver ? Quantities::of_receiver(reading, sums) : Quantities(reading, sums);
   for (const Part put : known->parts)
     if (put != nullptr) put(now, message);
   if (known->has_increments) sums = {};

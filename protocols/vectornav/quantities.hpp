@@ -1,6 +1,6 @@
 // Quantities: the quantities that VectorNav's messages (messages.cpp) and binary fields (fields.cpp) report, in the
 // product's units. Attitude, position and velocity come from the sample. Their accuracies are the standard deviations
-// of their errors, or, without errors, the constants below.
+// of their errors, or, without errors, the constants below; where the unit's filter has computed them, the filter's.
 #pragma once
 
 #include <cmath>
@@ -21,17 +21,22 @@ inline constexpr double dilution = 1.0;
 class Quantities {
  public:
   Quantities(const Reading& reading, const Sums& sums) noexcept
-      : r_(reading), s_(reading.sample), navigation_(reading.sample.navigation), sums_(sums) {}
+      : Quantities(reading, sums, reading.sample.navigation, reading.sample.solution.is_filter()) {}
+  // Returns the same with place and accuracies of the receiver.
+  static Quantities of_receiver(const Reading& reading, const Sums& sums) noexcept {
+    return {reading, sums, reading.sample.fix(), false};
+  }
 
   // --- Time ---
   std::uint64_t since_start_ns() const noexcept { return static_cast<std::uint64_t>(r_.since_start.count()); }
   std::uint64_t gps_ns() const noexcept {
-    return has_fix() ? static_cast<std::uint64_t>(navigation_.gps_ns + r_.age.count()) : 0;
+    const Navigation& known = navigation_.is_known ? navigation_ : s_.fix();
+    return knows_time() ? static_cast<std::uint64_t>(known.gps_ns + r_.age.count()) : 0;
   }
   std::uint16_t week() const noexcept { return static_cast<std::uint16_t>(gps_ns() / week_ns); }
   std::uint64_t time_of_week_ns() const noexcept { return gps_ns() % week_ns; }
   double time_of_week_s() const noexcept { return 1e-9 * static_cast<double>(time_of_week_ns()); }
-  std::uint8_t time_status() const noexcept { return has_fix() ? 7 : 0; }  // time, date and UTC are valid
+  std::uint8_t time_status() const noexcept { return knows_time() ? 7 : 0; }  // time, date and UTC are valid
   std::uint64_t since_sync_in_ns() const noexcept { return static_cast<std::uint64_t>(r_.sync.since_in.count()); }
   std::uint32_t since_sync_in_us() const noexcept { return static_cast<std::uint32_t>(since_sync_in_ns() / 1000); }
   std::uint64_t since_pulse_ns() const noexcept { return static_cast<std::uint64_t>(r_.sync.since_pulse.count()); }
@@ -61,6 +66,7 @@ class Quantities {
     return yaw_pitch_roll_from_dcm(tared_q().conjugate().toRotationMatrix()) / units::degree;
   }
   Vector3 ypr_error_deg() const noexcept {
+    if (is_filter_) return s_.solution.attitude.cast<double>().reverse() / units::degree;
     return figure_or(r_.figures.attitude.reverse() / units::degree, Vector3::Constant(attitude_error_deg));
   }
   Vector3 magnetic_L() const noexcept { return s_.q_LP * magnetic(); }
@@ -88,27 +94,47 @@ class Quantities {
   Vector3 magnetic_E() const noexcept { return to_E(magnetic_L()); }
   Vector3 acceleration_E() const noexcept { return to_E(acceleration_L()); }
   Vector3 linear_E() const noexcept { return to_E(linear_L()); }
-  // Flags: mode 2 (tracking) and fix; for a VN-300 also the heading from two antennas (vnproglib, InsStatus).
+  // Mode 2 (tracking) and a fix; for a VN-300 also the heading from two antennas. The filter has mode 0 without and 1
+  // with a fix until it is aligned, and 3 after 45 s without a fix (vnproglib, InsStatus; manual of the VersaSync, p.
+  // 352).
   std::uint16_t ins_status() const noexcept {
-    if (!has_fix()) return 0;
-    return r_.model.receivers == 2 ? 0x0306 : 0x0006;
+    constexpr unsigned fix_bit = 0x0004, compass_bits = 0x0300;
+    const bool is_fixed = r_.model.receivers > 0 && s_.fix().is_known;
+    const unsigned fix_flags = !is_fixed ? 0 : r_.model.receivers == 2 ? fix_bit | compass_bits : fix_bit;
+    return static_cast<std::uint16_t>(mode() | fix_flags);
   }
   Vector3 position_errors_m() const noexcept {
+    if (is_filter_) return if_fixed(s_.solution.position.cast<double>());
     return if_fixed(double{navigation_.accuracy_factor} *
                     figure_or(r_.figures.position, Vector3::Constant(position_error)));
   }
   double position_error_m() const noexcept {
+    if (is_filter_) return has_fix() ? rms(s_.solution.position.cast<double>()) : 0;
     return has_fix() ? double{navigation_.accuracy_factor} * figure_or(rms(r_.figures.position), position_error) : 0;
   }
   double velocity_error_m_per_s() const noexcept {
+    if (is_filter_) return has_fix() ? rms(s_.solution.velocity.cast<double>()) : 0;
     return has_fix() ? double{navigation_.accuracy_factor} * figure_or(rms(r_.figures.velocity), 0.05) : 0;
   }
-  double time_error_s() const noexcept { return has_fix() ? 2e-8 : 0; }
+  double time_error_s() const noexcept { return knows_time() ? 2e-8 : 0; }
   double ins_attitude_error_deg() const noexcept {
+    if (is_filter_) return has_fix() ? rms(s_.solution.attitude.cast<double>()) / units::degree : 0;
     return has_fix() ? figure_or(rms(r_.figures.attitude) / units::degree, attitude_error_deg) : 0;
   }
 
  private:
+  Quantities(const Reading& reading, const Sums& sums, const Navigation& navigation, bool is_filter) noexcept
+      : r_(reading), s_(reading.sample), navigation_(navigation), sums_(sums), is_filter_(is_filter) {}
+
+  // The receiver's time, or after its last fix the filter's.
+  bool knows_time() const noexcept { return r_.model.receivers > 0 && (navigation_.is_known || s_.fix().is_known); }
+  unsigned mode() const noexcept {
+    constexpr float longest_outage_s = 45;
+    if (r_.model.receivers == 0 || !is_filter_) return has_fix() ? 2 : 0;
+    if (s_.solution.state == Solution::State::aligning) return s_.fix().is_known ? 1 : 0;
+    return s_.solution.since_fix_s > longest_outage_s ? 3 : 2;
+  }
+
   static constexpr double gauss = 1e-4, attitude_error_deg = 0.5, position_error = 1;
   static constexpr auto week_ns = static_cast<std::uint64_t>(gps_week_ns);
 
@@ -122,6 +148,7 @@ class Quantities {
   const Sample& s_;
   const Navigation& navigation_;
   const Sums& sums_;
+  bool is_filter_;  // place, attitude and their accuracies are the filter's
 };
 
 }  // namespace imud::vectornav
