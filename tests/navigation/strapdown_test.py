@@ -15,32 +15,10 @@ import tempfile
 
 import numpy as np
 
+from flights import OMEGA, normal_gravitation, place
+
 SECONDS, RATE = 600, 100
-OMEGA = 7.292115e-5
-A, F, GM = 6378137.0, 1 / 298.257223563, 3.986004418e14
-E2 = F * (2 - F)
-J2 = 1.08262982131e-3  # NGA.STND.0036, of the normal field
 LATITUDE, LONGITUDE, HEIGHT = math.radians(48), math.radians(11), 500.0
-
-
-def normal_gravitation(r):
-    """By zonal harmonics to degree 20 (Heiskanen and Moritz, Physical Geodesy, equation 2-92)."""
-    radius = math.sqrt(r @ r)
-    s = r[2] / radius
-    p = [1.0, s]
-    for n in range(2, 22):
-        p.append(((2 * n - 1) * s * p[n - 1] - (n - 1) * p[n - 2]) / n)
-    along_radius, along_s = 1.0, 0.0
-    for k in range(1, 11):
-        n = 2 * k
-        j = (-1) ** (k + 1) * 3 * E2**k / ((n + 1) * (n + 3)) * (1 - k + 5 * k * J2 / E2)
-        scale = j * (A / radius) ** n
-        slope = n * (p[n - 1] - s * p[n]) / (1 - s * s)  # of the polynomial
-        along_radius -= (n + 1) * scale * p[n]
-        along_s -= scale * slope
-    up = r / radius
-    of_s = (np.array([0, 0, 1.0]) - s * up) / radius
-    return -GM / radius**2 * along_radius * up + GM / radius * along_s * of_s
 
 
 def rotation(axis, angle):
@@ -62,13 +40,6 @@ def exponential(phi):
 
 def cross(v):
     return np.array([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0]])
-
-
-def place(latitude, longitude, height):
-    n = A / math.sqrt(1 - E2 * math.sin(latitude) ** 2)
-    return np.array([(n + height) * math.cos(latitude) * math.cos(longitude),
-                     (n + height) * math.cos(latitude) * math.sin(longitude),
-                     ((1 - E2) * n + height) * math.sin(latitude)])
 
 
 C_EL = rotation(2, LONGITUDE) @ rotation(1, -math.pi / 2 - LATITUDE)  # columns: north, east, down
@@ -119,16 +90,17 @@ def truth_rows():
     yield ",".join(["time_ns"] + [f"{name}_{i}" for name in ("r_BN_N", "v_BN_N") for i in "xyz"] +
                    [f"sigma_BN_{i}" for i in "123"] +
                    [f"{name}_{i}" for name in ("omega_BN_B", "nonConservativeAccelpntB_B") for i in "xyz"])
+    rows = []
     for k in range(SECONDS * RATE + 1):
         t = k / RATE
         r_e, v_e, a_e, c_eb, rate = flight(t)
         turn = rotation(2, OMEGA * t)
         r, v = turn @ r_e, turn @ (v_e + np.cross(SPIN, r_e))
         a = turn @ (a_e + 2 * np.cross(SPIN, v_e) + np.cross(SPIN, np.cross(SPIN, r_e)))
-        c_nb = turn @ c_eb
-        force = c_nb.T @ (a - normal_gravitation(r))
-        omega = rate + c_eb.T @ SPIN
-        numbers = np.concatenate([r, v, mrp(c_nb), omega, force])
+        rows.append((r, v, a, turn @ c_eb, rate + c_eb.T @ SPIN))
+    gravitation = normal_gravitation(np.array([row[0] for row in rows]))
+    for k, ((r, v, a, c_nb, omega), g) in enumerate(zip(rows, gravitation)):
+        numbers = np.concatenate([r, v, mrp(c_nb), omega, c_nb.T @ (a - g)])
         yield f"{k * 10**9 // RATE}," + ",".join(repr(float(x)) for x in numbers)
 
 

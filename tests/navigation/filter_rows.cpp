@@ -1,0 +1,134 @@
+// filter_rows < IN > OUT: runs an InertialFilter by increments and aids, and writes its estimates. All numbers are
+// doubles of the machine, SI, in the frames of inertial_filter.hpp; quaternions are w, x, y, z. Exits with 2 where
+// IN is not whole.
+//
+// IN: gravitation (GravitationModel::Kind), the four of InertialNoise, dt, runs, steps, steps between aids, steps
+// between epochs, rows of the attitude's aid (0, 1: about N's z axis, 3), standard deviations of the aids (3
+// position, 3 velocity, 1 attitude); then each run: its first q_NP, v_N, r_N, gyro and accelerometer bias, 15
+// standard deviations; each step: delta-angle (rotation vector), delta-velocity (integral), and at an aid position,
+// velocity, q_NP.
+//
+// OUT: at each aid, before it: state, covariance (15 x 15), the innovations in the order of the aids as rows of 9,
+// and the three normalised squares; after the last step of each epoch, and after its aid: state, covariance.
+#include <array>
+#include <cstdio>
+#include <cstdlib>
+#include <vector>
+
+#include "core/attitude.hpp"
+#include "core/navigation/inertial_filter.hpp"
+
+namespace {
+
+using namespace imud;
+using Filter = InertialFilter;
+
+template <std::size_t N>
+std::array<double, N> read() {
+  std::array<double, N> numbers;
+  if (std::fread(numbers.data(), sizeof(double), N, stdin) != N) std::exit(2);
+  return numbers;
+}
+Vector3 read_vector() {
+  const auto [x, y, z] = read<3>();
+  return {x, y, z};
+}
+Quaternion read_quaternion() {
+  const auto [w, x, y, z] = read<4>();
+  return {w, x, y, z};
+}
+
+void write(const double* numbers, std::size_t count) {
+  if (std::fwrite(numbers, sizeof(double), count, stdout) != count) std::exit(1);
+}
+void write(const Vector3& v) { write(v.data(), 3); }
+void write(const Filter& filter) {
+  const InertialState& motion = filter.motion();
+  const std::array<double, 4> q = {motion.q_NP.w(), motion.q_NP.x(), motion.q_NP.y(), motion.q_NP.z()};
+  write(q.data(), 4);
+  write(motion.v_N);
+  write(motion.r_N);
+  write(filter.gyro_bias_P());
+  write(filter.accelerometer_bias_P());
+  write(filter.covariance().data(), Filter::states * Filter::states);
+}
+
+struct Settings {
+  GravitationModel gravitation;
+  InertialNoise noise;
+  double dt = 0;
+  std::uint64_t runs = 0, steps = 0, steps_of_aid = 0, steps_of_epoch = 0;
+  int attitude_rows = 0;
+  Vector3 position, velocity;  // standard deviations
+  double attitude = 0;
+};
+
+Settings read_settings() {
+  Settings settings;
+  settings.gravitation.kind = static_cast<GravitationModel::Kind>(read<1>()[0]);
+  const auto [gyro, accelerometer, gyro_walk, accelerometer_walk] = read<4>();
+  settings.noise = {gyro, accelerometer, gyro_walk, accelerometer_walk};
+  const auto [dt, runs, steps, steps_of_aid, steps_of_epoch, rows] = read<6>();
+  settings.dt = dt;
+  settings.runs = static_cast<std::uint64_t>(runs);
+  settings.steps = static_cast<std::uint64_t>(steps);
+  settings.steps_of_aid = static_cast<std::uint64_t>(steps_of_aid);
+  settings.steps_of_epoch = static_cast<std::uint64_t>(steps_of_epoch);
+  settings.attitude_rows = static_cast<int>(rows);
+  settings.position = read_vector();
+  settings.velocity = read_vector();
+  settings.attitude = read<1>()[0];
+  return settings;
+}
+
+void begin(Filter& filter) {
+  const Quaternion q_NP = read_quaternion();
+  const Vector3 v_N = read_vector(), r_N = read_vector(), gyro = read_vector(), accelerometer = read_vector();
+  const auto sigmas = read<Filter::states>();
+  const Filter::State sigma = Eigen::Map<const Filter::State>(sigmas.data());
+  filter.begin({q_NP, v_N, r_N}, gyro, accelerometer, sigma.cwiseProduct(sigma).asDiagonal());
+}
+
+void aid(Filter& filter, const Settings& settings) {
+  const Vector3 r_N = read_vector(), v_N = read_vector();
+  const Quaternion q_NP = read_quaternion();
+  filter.propagate();
+  write(filter);
+  const auto update = [&](Filter::Measurement measurement, const Vector3& sigma) {
+    measurement.variance = sigma.cwiseProduct(sigma);
+    write(measurement.innovation);
+    const double square = measurement.rows > 0 ? filter.normalized_square(measurement) : 0;
+    if (measurement.rows > 0) filter.update(measurement);
+    return square;
+  };
+  const double position =
+      update({.first = Filter::position, .innovation = r_N - filter.motion().r_N}, settings.position);
+  const double velocity =
+      update({.first = Filter::velocity, .innovation = v_N - filter.motion().v_N}, settings.velocity);
+  Filter::Measurement attitude = {.first = Filter::phi, .rows = settings.attitude_rows};
+  attitude.innovation = log(q_NP * filter.motion().q_NP.conjugate());
+  if (settings.attitude_rows == 1) {
+    attitude.axes_N.row(0) = Vector3::UnitZ().transpose();
+    attitude.innovation = {attitude.innovation.z(), 0, 0};
+  }
+  write(Vector3(position, velocity, update(attitude, Vector3::Constant(settings.attitude))));
+}
+
+}  // namespace
+
+int main() {
+  const Settings settings = read_settings();
+  for (std::uint64_t run = 0; run < settings.runs; ++run) {
+    Filter filter(settings.gravitation, {}, settings.noise);
+    begin(filter);
+    for (std::uint64_t k = 1; k <= settings.steps; ++k) {
+      const Vector3 delta_angle = read_vector(), delta_velocity = read_vector();
+      filter.advance(delta_angle, delta_velocity, settings.dt);
+      if (k % settings.steps_of_aid == 0) aid(filter, settings);
+      if (k % settings.steps_of_epoch != 0) continue;
+      filter.propagate();
+      write(filter);
+    }
+  }
+  return std::fflush(stdout) == 0 ? 0 : 1;
+}
