@@ -130,6 +130,13 @@ double satellites(const Reading& r) noexcept {
   return r.sample.navigation.is_known ? r.sample.navigation.satellites : 0;
 }
 
+template <Eigen::Vector3f Solution::*Member, int Axis>
+double deviation(const Reading& reading) noexcept {
+  return static_cast<double>((reading.sample.solution.*Member)[Axis]);
+}
+double navigation_state(const Reading& r) noexcept { return static_cast<double>(r.sample.solution.state); }
+double fix_age(const Reading& r) noexcept { return static_cast<double>(r.sample.solution.since_fix_s); }
+
 double temperature(const Reading& r) noexcept { return r.sample.temperature_c; }
 void put_temperature(double value, ReadBack& read) noexcept {
   read.measurement.sample.temperature_c = value;
@@ -236,6 +243,21 @@ constexpr MeasuredQuantity quantities[] = {
     at_place("gps_time", "since 1980-01-06", key_units::time, gps_time),
     at_place("gnss_fix", "1 while the receiver has a fix, else 0", {}, fix),
     at_place("gnss_satellites", "that the receiver uses", {}, satellites),
+    {"navigation_state",
+     "0 truth; of the unit's own solution: 1 aligning, 2 coasting, 3 aided",
+     {},
+     navigation_state},
+    at_place("fix_age", "of its own solution: since the last fix that it used", key_units::time, fix_age),
+    at_place("attitude_sigma_north", "standard deviations of its own solution: tilt about north", key_units::angle,
+             deviation<&Solution::attitude, 0>),
+    at_place("attitude_sigma_east", "", key_units::angle, deviation<&Solution::attitude, 1>),
+    at_place("attitude_sigma_down", "", key_units::angle, deviation<&Solution::attitude, 2>),
+    at_place("velocity_sigma_north", "", key_units::speed, deviation<&Solution::velocity, 0>),
+    at_place("velocity_sigma_east", "", key_units::speed, deviation<&Solution::velocity, 1>),
+    at_place("velocity_sigma_down", "", key_units::speed, deviation<&Solution::velocity, 2>),
+    at_place("position_sigma_north", "", key_units::length, deviation<&Solution::position, 0>),
+    at_place("position_sigma_east", "", key_units::length, deviation<&Solution::position, 1>),
+    at_place("position_sigma_down", "", key_units::length, deviation<&Solution::position, 2>),
     {"sample_counter", "wraps", {}, nullptr, nullptr, counter},
     {"status", "bits of core/sample.hpp", {}, nullptr, nullptr, status},
 };
