@@ -74,8 +74,9 @@ void Navigator::take(Sample& sample, TruthTime time, std::optional<double> earth
   if (dt > 0 && held_s_ <= longest_hold_s && number_ != aligned_at_) {
     filter_.advance(sample.delta_angle, sample.delta_velocity, dt);
     since_fix_s_ += dt;
+    rejecting_s_ += dt;
   }
-  past_[number_ % past_.size()] = filter_.motion();
+  past_[number_ % past_.size()] = {filter_.motion().v_N - corrections_.v_N, filter_.motion().r_N - corrections_.r_N};
   const std::uint64_t since = number_ - aligned_at_;
   if (!is_held && since > 0) {
     if (fix_every_ > 0 && since % fix_every_ == 0) use_fix(sample, at);
@@ -97,40 +98,48 @@ void Navigator::align(const Sample& sample, const At& at, double dt) noexcept {
   const PositionVelocity now = in_N(fix, at);
   if (model_.alignment == NavigatorModel::Alignment::truth)
     return begin_filter(now, sample, at, q_NL(now, fix) * sample.q_LP, {1e-6, 1e-6});
-  if (has_begun_ && alignment_.time_s() >= model_.alignment_s) {
-    if (const auto aligned = coarse_attitude(now, sample)) {
-      begin_filter(now, sample, at, aligned->q_NP, aligned->sigma);
-      return;
-    }
-    has_begun_ = false;
+  if (!has_begun_) {
+    alignment_.begin();
+    first_v_N_.reset();
+    window_.reset();
+    has_begun_ = true;
   }
-  if (has_begun_) return;
-  has_begun_ = true;
-  alignment_.begin();
-  alignment_v_N_ = now.v_N;
+  // The fixes at the begin and at the end of the window arrive late.
+  constexpr double rounding_s = 1e-6;
+  const double t = alignment_.time_s() + rounding_s, late_s = seconds(latency_);
+  if (!first_v_N_ && t >= late_s) first_v_N_ = now.v_N;
+  if (!window_ && t >= model_.alignment_s) window_ = alignment_;
+  if (!first_v_N_ || !window_ || t < model_.alignment_s + late_s) return;
+  if (const auto aligned = coarse_attitude(now, sample))
+    begin_filter(now, sample, at, aligned->q_NP, aligned->sigma);
+  else
+    has_begun_ = false;
 }
 
 // The change of the velocity less the gravitation's is one direction. The other is the magnetic field, or the course,
 // to which the platform's x axis is taken to point.
 std::optional<Navigator::Aligned> Navigator::coarse_attitude(const PositionVelocity& now,
                                                              const Sample& sample) const noexcept {
-  const double t = alignment_.time_s();
-  const Vector3 first_N = now.v_N - alignment_v_N_ - t * gravitation_N(filter_.gravitation(), now.r_N);
-  const Vector3 first_P0 = alignment_.delta_velocity_P0();
+  const double t = window_->time_s();
+  const Vector3 first_N = now.v_N - *first_v_N_ - t * gravitation_N(filter_.gravitation(), now.r_N);
+  const Vector3 first_P0 = window_->delta_velocity_P0();
   const Quaternion from_L = q_NL(now, sample.receiver);
   Vector3 second_N, second_P0;
   Vector2 sigma = {
       model_.accelerometer_bias / units::standard_gravity + 2.0 * model_.velocity.x() / (units::standard_gravity * t),
       2.0 * model_.heading};
-  if (!alignment_.magnetic_field_P0().isZero(0.0)) {
-    second_N = from_L * earth_.magnetic_field_L(sample.receiver);
-    second_P0 = alignment_.magnetic_field_P0();
+  if (!window_->magnetic_field_P0().isZero(0.0)) {
+    const Vector3 field_L = earth_.magnetic_field_L(sample.receiver);
+    second_N = from_L * field_L;
+    const double by_tilt = sigma.x() * field_L.z() / field_L.head<2>().norm();
+    sigma.y() = std::sqrt(sigma.y() * sigma.y() + by_tilt * by_tilt);
+    second_P0 = window_->magnetic_field_P0();
   } else {
     constexpr double slowest = 2.0, sideslip = 0.17;  // m/s, rad
     const Vector3 course_L(sample.receiver.v_L.x(), sample.receiver.v_L.y(), 0.0);
     if (course_L.squaredNorm() < slowest * slowest) return std::nullopt;
     second_N = from_L * course_L;
-    second_P0 = alignment_.q_P0P() * Vector3::UnitX();
+    second_P0 = window_->q_P0P() * Vector3::UnitX();
     sigma.y() = sideslip;
   }
   constexpr double least_sine2 = 1e-2;
@@ -154,10 +163,14 @@ void Navigator::begin_filter(const PositionVelocity& now, const Sample& sample, 
       .diagonal()
       .setConstant(model_.accelerometer_bias * model_.accelerometer_bias);
   const double age_s = seconds(at.time - now.time);
-  filter_.begin({q_NP, now.v_N, now.r_N + age_s * now.v_N}, Vector3::Zero(), Vector3::Zero(), P);
+  const Vector3 change = age_s * (q_NP * sample.specific_force + gravitation_N(filter_.gravitation(), now.r_N));
+  filter_.begin({q_NP, now.v_N + change, now.r_N + age_s * (now.v_N + 0.5 * change)}, Vector3::Zero(),
+                Vector3::Zero(), P);
   is_aligned_ = true;
   aligned_at_ = number_;
   since_fix_s_ = 0;
+  is_rejecting_ = false;
+  corrections_ = {};
 }
 
 // --- Aids
@@ -166,11 +179,8 @@ bool Navigator::use(const InertialFilter::Measurement& measurement) noexcept {
   if (!(filter_.normalized_square(measurement) <= model_.gate)) return false;
   const InertialState before = filter_.motion();
   filter_.update(measurement);
-  // A late fix is compared with a motion that has all corrections, so that none is made twice.
-  for (InertialState& past : past_) {
-    past.v_N += filter_.motion().v_N - before.v_N;
-    past.r_N += filter_.motion().r_N - before.r_N;
-  }
+  corrections_.v_N += filter_.motion().v_N - before.v_N;
+  corrections_.r_N += filter_.motion().r_N - before.r_N;
   return true;
 }
 
@@ -179,30 +189,42 @@ void Navigator::use_fix(const Sample& sample, const At& at) noexcept {
   const std::uint64_t lag = past_.size() - 1;
   if (!fix.is_known || number_ < aligned_at_ + lag) return;
   const PositionVelocity measured = in_N(fix, at);
-  const InertialState& then = past_[(number_ - lag) % past_.size()];
-  const double early_s = seconds(latency_) - static_cast<double>(lag) * period_s_;  // of the fix before `then`
+  const Motion& past = past_[(number_ - lag) % past_.size()];
+  const Vector3 v_N = past.v_N + corrections_.v_N, r_N = past.r_N + corrections_.r_N;
+  const double early_s = seconds(latency_) - static_cast<double>(lag) * period_s_;  // of the fix before that
   const Matrix3 axes = q_NL(measured, fix).conjugate().toRotationMatrix();
   const double factor = static_cast<double>(fix.accuracy_factor);  // the receiver reports its accuracy
-  InertialFilter::Measurement position = {.first = InertialFilter::position,
-                                          .axes_N = axes,
-                                          .innovation = axes * (measured.r_N - then.r_N + early_s * then.v_N),
-                                          .variance = (factor * model_.position).array().square()};
-  const InertialFilter::Measurement velocity = {.first = InertialFilter::velocity,
-                                                .axes_N = axes,
-                                                .innovation = axes * (measured.v_N - then.v_N),
-                                                .variance = (factor * model_.velocity).array().square()};
   filter_.propagate();
-  if (since_fix_s_ > model_.accept_after_s) {  // the filter's own position is no longer trusted
+  // The present state stands for the one that was measured, whose errors differ by the errors of what is between.
+  const auto late2 = [&](int first, double rate) {
+    const double change = rate * seconds(latency_);
+    return change * change * filter_.covariance().diagonal().segment<3>(first).maxCoeff() * Vector3::Ones();
+  };
+  const Vector3 position_late2 = late2(InertialFilter::velocity, 1.0),
+                velocity_late2 = late2(InertialFilter::phi, units::standard_gravity);
+  const InertialFilter::Measurement position = {
+      .first = InertialFilter::position,
+      .axes_N = axes,
+      .innovation = axes * (measured.r_N - r_N + early_s * v_N),
+      .variance = position_late2 + Vector3((factor * model_.position).array().square())};
+  if (is_rejecting_ && rejecting_s_ > model_.accept_after_s) {  // the filter's own position is no longer trusted
     filter_.add_variance(InertialFilter::position, position.innovation.squaredNorm());
-    filter_.add_variance(InertialFilter::velocity, velocity.innovation.squaredNorm());
+    filter_.add_variance(InertialFilter::velocity, (measured.v_N - v_N).squaredNorm());
   }
   if (!use(position)) {
+    if (!is_rejecting_) rejecting_s_ = 0;
+    is_rejecting_ = true;
     ++fixes_.rejected;
     return;
   }
-  use(velocity);
+  // The position has corrected the velocity as well.
+  use({.first = InertialFilter::velocity,
+       .axes_N = axes,
+       .innovation = axes * (measured.v_N - past.v_N - corrections_.v_N),
+       .variance = velocity_late2 + Vector3((factor * model_.velocity).array().square())});
   ++fixes_.used;
   since_fix_s_ = 0;
+  is_rejecting_ = false;
 }
 
 // The angle about the vertical between the horizontal parts of the measured field and of the Earth's.
@@ -221,7 +243,9 @@ void Navigator::use_heading(const Sample& sample, const At& at) noexcept {
   InertialFilter::Measurement heading;
   heading.first = InertialFilter::phi;
   heading.rows = 1;
-  heading.axes_N.row(0) = (q_LN.conjugate() * Vector3::UnitZ()).transpose();
+  // A tilt about the horizontal part turns that by the tangent of the dip: 2 in the middle of Europe.
+  const double slope = model.z() / (model.x() * model.x() + model.y() * model.y());
+  heading.axes_N.row(0) = (q_LN.conjugate() * Vector3(-slope * model.x(), -slope * model.y(), 1)).transpose();
   heading.innovation[0] = angle;
   heading.variance[0] = model_.heading * model_.heading;
   filter_.propagate();

@@ -24,7 +24,7 @@ void tune(NavigatorModel& navigator, const ImuModel& imu) noexcept;
 // Nothing here allocates after construction, locks or throws; not thread-safe.
 class Navigator {
  public:
-  // NavigationErrors::latency is the age of the receiver's fixes.
+  // NavigationErrors::latency is the age of the receiver's fixes. Up to about a second the covariance allows for it.
   Navigator(const NavigatorModel& model, const ImuModel& imu);
 
   // Makes the next sample the first of a run, or of a power on: the alignment begins.
@@ -78,19 +78,28 @@ class Navigator {
   std::int64_t start_gps_ns_;
   InertialFilter filter_;
   CoarseAlignment alignment_;
-  Vector3 alignment_v_N_ = Vector3::Zero();  // m/s, at the begin of the window
+  std::optional<CoarseAlignment> window_;  // the same at its end
+  std::optional<Vector3> first_v_N_;       // m/s, at its begin
   double period_s_;
   Nanoseconds latency_;
   std::uint64_t fix_every_, heading_every_;  // samples; 0: never
-  // The motion after the last samples, a ring by their numbers: a late fix is compared with the motion then.
-  std::vector<InertialState> past_;
-  bool has_begun_ = false;  // the window of the alignment, at a fix
+  // The motion after the last samples, a ring by their numbers: a late fix is compared with the motion then. Without
+  // the corrections, whose sum of all time is added at the comparison: what a fix has corrected is no error in the
+  // next.
+  struct Motion {
+    Vector3 v_N = Vector3::Zero(), r_N = Vector3::Zero();  // m/s, m
+  };
+  std::vector<Motion> past_;
+  Motion corrections_;
+  bool has_begun_ = false;  // the window of the alignment, while there are fixes
   bool is_aligned_ = false;
   std::uint64_t number_ = 0;  // of the next sample since restart()
   std::uint64_t aligned_at_ = 0;
   std::optional<DeviceTime> last_time_;
   std::optional<Vector3> up_P_;  // m/s^2, the mean specific force of the last time, before the alignment
   double since_fix_s_ = 0, held_s_ = 0;
+  double rejecting_s_ = 0;  // since the first of the rejections after the last fix that was used
+  bool is_rejecting_ = false;
   At at_;  // of the last sample that the filter has integrated
   Geodetic origin_;
   std::int64_t receiver_clock_ns_ = 0;  // the receiver's GPS time less the true one
