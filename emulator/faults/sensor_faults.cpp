@@ -237,7 +237,17 @@ void SensorFaults::apply_to_number(const ActiveFault& fault, std::uint64_t k, do
     case SensorFault::quantisation:
       value = round_to(value, p);
       break;
-    default:
+    case SensorFault::inverted:
+    case SensorFault::swapped:
+    case SensorFault::saturation:
+    case SensorFault::vibration:
+    case SensorFault::no_fix:
+    case SensorFault::position_jump:
+    case SensorFault::position_drift:
+    case SensorFault::gps_time_jump:
+    case SensorFault::satellites:
+    case SensorFault::accuracy:
+    case SensorFault::count:
       break;
   }
 }
@@ -265,7 +275,20 @@ void SensorFaults::apply_to_gnss(const ActiveFault& fault, Sample& sample) noexc
     case SensorFault::accuracy:
       sample.navigation.accuracy_factor *= static_cast<float>(1 + fault.weight * (p.x() - 1));
       break;
-    default:
+    case SensorFault::bias:
+    case SensorFault::drift:
+    case SensorFault::scale:
+    case SensorFault::more_noise:
+    case SensorFault::stuck:
+    case SensorFault::stuck_at:
+    case SensorFault::dead:
+    case SensorFault::inverted:
+    case SensorFault::swapped:
+    case SensorFault::spike:
+    case SensorFault::saturation:
+    case SensorFault::quantisation:
+    case SensorFault::vibration:
+    case SensorFault::count:
       break;
   }
 }

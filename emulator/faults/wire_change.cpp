@@ -160,6 +160,7 @@ ChangingFrame& WireChange::change(ChangingFrame& frame, ChangingFrame& other, Fr
     case WireFault::same_id:
     case WireFault::babbling:
     case WireFault::bus_load:
+    case WireFault::count:
       return frame;
   }
   return frame;

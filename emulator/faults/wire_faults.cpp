@@ -96,7 +96,7 @@ constexpr std::array kinds = {
     kind(WireFault::bus_load, "bus_load", "other nodes send frames with the lowest priority up to a level of load",
          of_load, true),
 };
-static_assert(has_every_code(kinds, static_cast<std::size_t>(WireFault::bus_load) + 1));
+static_assert(has_every_code(kinds, static_cast<std::size_t>(WireFault::count)));
 
 bool suits(WireFault fault, Link link) {
   switch (fault) {
@@ -120,6 +120,8 @@ bool suits(WireFault fault, Link link) {
     case WireFault::baud_wrong:
     case WireFault::half_bandwidth:
       return link != Link::can;
+    case WireFault::count:
+      break;
   }
   return false;
 }

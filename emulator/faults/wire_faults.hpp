@@ -28,6 +28,7 @@ enum class WireFault : std::uint8_t {
   same_id,
   babbling,
   bus_load,
+  count
 };
 
 // The table, in the order of WireFault, with the target "wire".

@@ -124,7 +124,18 @@ void WirePort::prepare(WireChange& change) noexcept {
       if (change.owed > 1e-6) passage_ = Passage::dropped;
       break;
     }
-    default:
+    case WireFault::bit_errors:
+    case WireFault::byte_loss:
+    case WireFault::byte_insertion:
+    case WireFault::cut:
+    case WireFault::checksum_wrong:
+    case WireFault::content_wrong:
+    case WireFault::garbage:
+    case WireFault::baud_wrong:
+    case WireFault::error_frames:
+    case WireFault::same_id:
+    case WireFault::babbling:
+    case WireFault::count:
       break;
   }
 }
@@ -164,7 +175,19 @@ void WirePort::send_others(WireChange& change) noexcept {
       bus_bits_ = 0;
       break;
     }
-    default:
+    case WireFault::bit_errors:
+    case WireFault::byte_loss:
+    case WireFault::byte_insertion:
+    case WireFault::cut:
+    case WireFault::checksum_wrong:
+    case WireFault::content_wrong:
+    case WireFault::silence:
+    case WireFault::baud_wrong:
+    case WireFault::disconnect:
+    case WireFault::half_bandwidth:
+    case WireFault::bus_off:
+    case WireFault::same_id:
+    case WireFault::count:
       break;
   }
 }
