@@ -80,7 +80,7 @@ class Truth(RunTest):
         config = self.replay(self.imu("a", "native", rate=100))
         for arguments, fault in [
             (["--npy", self.folder / "x", "--truth", config], "is no record of imud; --truth needs one, or a conf"),
-            (["--truth", config, FLIGHT], "--truth: is for --npy, --hdf5, "),
+            (["--truth", config, FLIGHT], "--truth: is for --hdf5, --mat, "),
             (["--npy", self.folder / "x", "--imu", "a"], "--imu: is for --truth"),
             (["--npy", self.folder / "x", "--truth", config, FLIGHT, "--imu", "b"],
              "has no imu b with the protocol native; there are a (native)"),

@@ -169,7 +169,7 @@ class Hdf5Writer final : public RowOutput {
 
 }  // namespace
 
-extern constexpr RowFormat hdf5_row_format = {.option = "--hdf5",
+extern constexpr RowFormat hdf5_row_format = {.name = "hdf5",
                                               .help = "also writes HDF5: a dataset for each quantity",
                                               .keeps_attributes = true,
                                               .needs_time = false,

@@ -159,7 +159,7 @@ class MatWriter final : public RowOutput {
 }  // namespace
 
 extern constexpr RowFormat mat_row_format = {
-    .option = "--mat",
+    .name = "mat",
     .help = "also writes a MAT-file of level 5: a variable for each quantity",
     .keeps_attributes = true,
     .needs_time = false,

@@ -273,7 +273,7 @@ class McapWriter final : public RowOutput {
 }  // namespace
 
 extern constexpr RowFormat mcap_row_format = {
-    .option = "--mcap",
+    .name = "mcap",
     .help = "also writes MCAP, Foxglove's format: a channel of JSON messages",
     .keeps_attributes = true,
     .needs_time = true,

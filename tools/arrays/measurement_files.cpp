@@ -18,13 +18,9 @@
 
 namespace imud {
 
-// The formats, which have a file each. A new one is a name in both lines.
-extern const RowFormat npy_row_format, hdf5_row_format, mat_row_format, ulog_row_format, mcap_row_format;
-
 namespace {
 
-constexpr const RowFormat* formats[] = {&npy_row_format, &hdf5_row_format, &mat_row_format, &ulog_row_format,
-                                        &mcap_row_format};
+std::string option_of(const RowFormat& format) { return fmt::format("--{}", format.name); }
 
 bool is_any(const RowFormat&) { return true; }
 bool keeps_attributes(const RowFormat& format) { return format.keeps_attributes; }
@@ -32,26 +28,26 @@ bool needs_time(const RowFormat& format) { return format.needs_time; }
 
 // Returns the options of these formats: "--npy, --hdf5 and --mat".
 std::string list_options(bool (*is_one)(const RowFormat&)) {
-  std::vector<std::string_view> names;
-  for (const RowFormat* format : formats)
-    if (is_one(*format)) names.push_back(format->option);
-  const std::string_view last = names.back();
+  std::vector<std::string> names;
+  for (const RowFormat* format : row_formats())
+    if (is_one(*format)) names.push_back(option_of(*format));
+  const std::string last = names.back();
   names.pop_back();
-  return names.empty() ? std::string(last) : fmt::format("{} and {}", fmt::join(names, ", "), last);
+  return names.empty() ? last : fmt::format("{} and {}", fmt::join(names, ", "), last);
 }
 
 bool is_any_given(const std::vector<std::string>& paths, bool (*is_one)(const RowFormat&)) {
   for (std::size_t i = 0; i < paths.size(); ++i)
-    if (!paths[i].empty() && is_one(*formats[i])) return true;
+    if (!paths[i].empty() && is_one(*row_formats()[i])) return true;
   return false;
 }
 
 }  // namespace
 
 void MeasurementFiles::add_options(CLI::App& app, Options& options) {
-  options.paths.resize(std::size(formats));
-  for (std::size_t i = 0; i < std::size(formats); ++i)
-    add(app, std::string(formats[i]->option), options.paths[i], "FILE", std::string(formats[i]->help));
+  options.paths.resize(row_formats().size());
+  for (std::size_t i = 0; i < options.paths.size(); ++i)
+    add(app, option_of(*row_formats()[i]), options.paths[i], "FILE", std::string(row_formats()[i]->help));
   add(app, "--config", options.config, "FILE",
       fmt::format("imud's configuration, which becomes an attribute of {}", list_options(keeps_attributes)));
   add(app, "--rate-hz", options.rate_hz, "HZ",
@@ -87,7 +83,7 @@ void check(const MeasurementFiles::Options& options, FilesInUse& in_use) {
   for (std::size_t i = 0; i < options.paths.size(); ++i) {
     const std::string& path = options.paths[i];
     if (is_standard_output(path)) throw std::invalid_argument(path + ": an array cannot go to a stream; give a file");
-    const std::string fault = in_use.claim(path, fmt::format("the file of {}", formats[i]->option));
+    const std::string fault = in_use.claim(path, fmt::format("the file of {}", option_of(*row_formats()[i])));
     if (!fault.empty()) throw std::invalid_argument(fault);
   }
 }
@@ -131,7 +127,7 @@ MeasurementFiles::MeasurementFiles(const Options& options, const Protocol& proto
     attributes = attributes_of(options, protocol, port, truth_.get());
   attributes.rate_hz = options.rate_hz;
   for (std::size_t i = 0; i < options.paths.size(); ++i)
-    if (!options.paths[i].empty()) files_.push_back(formats[i]->make(options.paths[i], with_truth, attributes));
+    if (!options.paths[i].empty()) files_.push_back(row_formats()[i]->make(options.paths[i], with_truth, attributes));
 }
 
 void MeasurementFiles::write(const Measurement& measurement) {

@@ -76,7 +76,7 @@ class NpyWriter final : public RowOutput {
 }  // namespace
 
 extern constexpr RowFormat npy_row_format = {
-    .option = "--npy",
+    .name = "npy",
     .help = "also writes a structured array, for numpy.load(FILE, mmap_mode=\"r\")",
     .keeps_attributes = false,
     .needs_time = false,

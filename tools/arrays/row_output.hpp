@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <type_traits>
@@ -34,12 +35,17 @@ struct RowAttributes {
   std::optional<double> rate_hz = {};  // of measurements without time
 };
 
-// A format of such files. Each writer's file ends in one.
+// A format of such files. The last lines of STEM.cpp here are the entry STEM_row_format, named "STEM".
 struct RowFormat {
-  std::string_view option, help;  // of the command line
+  std::string_view name;
+  std::string_view help;  // of its option --NAME
   bool keeps_attributes = false, needs_time = false;
   std::unique_ptr<RowOutput> (*make)(std::string path, bool with_truth, const RowAttributes& attributes);
 };
+
+std::span<const RowFormat* const> row_formats() noexcept;
+// Returns nullptr if there is none of that name.
+const RowFormat* find_row_format(std::string_view name) noexcept;
 
 // RowFormat::make of a writer, which may do without attributes.
 template <typename Writer>

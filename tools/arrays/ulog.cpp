@@ -144,7 +144,7 @@ class UlogWriter final : public RowOutput {
 }  // namespace
 
 extern constexpr RowFormat ulog_row_format = {
-    .option = "--ulog",
+    .name = "ulog",
     .help = "also writes a ULog, PX4's format of logs: sensor_gyro, sensor_accel, and all as imud_measurement",
     .keeps_attributes = true,
     .needs_time = true,

@@ -9,9 +9,12 @@
 
 namespace imud {
 
-// Entries with a decoder, but no device: they are not in protocols(). Their decoders keep a message in memory, and
+// Entries with a decoder, but no device: they are not in protocols(). The last lines of STEM.cpp here are the entry
+// STEM_log_format. Their decoders keep a message in memory, and
 // throw std::runtime_error, with the fault and the remedy, if the input is another kind of file.
 std::span<const Protocol* const> log_formats() noexcept;
+// Returns the log format of that name; nullptr: there is none.
+const Protocol* find_log_format(std::string_view name) noexcept;
 
 // Returns the protocol or log format of that name; nullptr: there is none.
 const Protocol* find_input_format(std::string_view name) noexcept;

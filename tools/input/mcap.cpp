@@ -11,8 +11,6 @@
 
 namespace imud {
 
-extern const Protocol mcap_format;
-
 namespace {
 
 // Reads sensor_msgs/msg/Imu: header, orientation, angular_velocity and linear_acceleration, each with its covariance,
@@ -128,7 +126,7 @@ constexpr Setting mcap_settings[] = {
 
 }  // namespace
 
-constexpr Protocol mcap_format = {
+extern constexpr Protocol mcap_log_format = {
     .name = "mcap",
     .summary = "MCAP: what --mcap writes, or a recording of ROS 2 with sensor_msgs/msg/Imu: file:BAG.mcap",
     .link = Link::bytes,

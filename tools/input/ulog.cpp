@@ -16,8 +16,6 @@
 
 namespace imud {
 
-extern const Protocol ulog_format;
-
 namespace {
 
 // The quantity that a topic's field has. `field`: an array of three; empty: the fields x, y and z. In the order of
@@ -159,7 +157,7 @@ constexpr Setting ulog_settings[] = {
 
 }  // namespace
 
-constexpr Protocol ulog_format = {
+extern constexpr Protocol ulog_log_format = {
     .name = "ulog",
     .summary = "flight log of PX4: file:FLIGHT.ulg",
     .link = Link::bytes,

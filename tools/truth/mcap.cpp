@@ -18,8 +18,6 @@
 
 namespace imud {
 
-extern const TruthLog mcap_truth_log;
-
 namespace {
 
 constexpr std::string_view odometry_schema = "nav_msgs/msg/Odometry", pose_schema = "geometry_msgs/msg/PoseStamped";
@@ -114,7 +112,7 @@ constexpr Setting mcap_truth_settings[] = {
 
 }  // namespace
 
-constexpr TruthLog mcap_truth_log = {
+extern constexpr TruthLog mcap_truth_log = {
     .name = "mcap",
     .extension = ".mcap",
     .settings = mcap_truth_settings,

@@ -10,11 +10,7 @@
 
 namespace imud {
 
-extern const TruthLog mcap_truth_log, ulog_truth_log;
-
 namespace {
-
-constexpr const TruthLog* all_truth_logs[] = {&mcap_truth_log, &ulog_truth_log};
 
 constexpr std::string_view state_fields[] = {
     "time_ns",          "q_NB_w",      "q_NB_x",      "q_NB_y",           "q_NB_z",
@@ -24,16 +20,8 @@ constexpr std::size_t first_velocity = 8, first_rate = 11;
 
 }  // namespace
 
-std::span<const TruthLog* const> truth_logs() noexcept { return all_truth_logs; }
-
-const TruthLog* find_truth_log(std::string_view name) noexcept {
-  for (const TruthLog* log : all_truth_logs)
-    if (log->name == name) return log;
-  return nullptr;
-}
-
 const TruthLog* truth_log_of_file(std::string_view path) noexcept {
-  for (const TruthLog* log : all_truth_logs)
+  for (const TruthLog* log : truth_logs())
     if (path.ends_with(log->extension)) return log;
   return nullptr;
 }

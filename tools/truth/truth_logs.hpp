@@ -32,6 +32,7 @@ struct LoggedStates {
   std::string damage;                  // empty: none
 };
 
+// The last lines of STEM.cpp here are the entry STEM_truth_log.
 struct TruthLog {
   std::string_view name, extension;  // "ulog", ".ulg"
   std::span<const Setting> settings;

@@ -30,8 +30,6 @@
 
 namespace imud {
 
-extern const TruthLog ulog_truth_log;
-
 namespace {
 
 constexpr std::int64_t longest_position_gap_ns = 1'000'000'000;
@@ -242,7 +240,7 @@ constexpr Setting ulog_truth_settings[] = {
 
 }  // namespace
 
-constexpr TruthLog ulog_truth_log = {
+extern constexpr TruthLog ulog_truth_log = {
     .name = "ulog",
     .extension = ".ulg",
     .settings = ulog_truth_settings,
