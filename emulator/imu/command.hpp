@@ -44,7 +44,31 @@ struct Command {
 
 // Returns false for commands that change a device's output, and have no value.
 constexpr bool has_value(Command::Kind kind) noexcept {
-  return kind > Command::Kind::resume && kind != Command::Kind::reload;
+  using Kind = Command::Kind;
+  switch (kind) {
+    case Kind::mark:
+    case Kind::power_off:
+    case Kind::power_on:
+    case Kind::power_cycle:
+    case Kind::pause:
+    case Kind::resume:
+    case Kind::reload:
+      return false;
+    case Kind::seed:
+    case Kind::gyro_bias:
+    case Kind::accelerometer_bias:
+    case Kind::delay:
+    case Kind::automatic_delay:
+    case Kind::extrapolate:
+    case Kind::when_stopped:
+    case Kind::log_level:
+    case Kind::fault_begin:
+    case Kind::fault_end:
+    case Kind::fault_clear:
+    case Kind::servo:
+      return true;
+  }
+  return true;  // of a damaged record
 }
 
 // The first sample of an imu that a batch of commands applies to, if it changes that imu.
