@@ -294,9 +294,9 @@ void RecordedRun::execute(const RecordEvent& event) noexcept {
 
 // Proposes the event as a step: of the imus of its name, or of all. Deadlines are polled as they were before it.
 void RecordedRun::propose(const RecordEvent& event) noexcept {
-  if (has_polled_time(event)) poll(event.b);
+  if (traits_of(event).has_polled_time) poll(event.b);
   const bool is_of_all = event.type == Type::command && event.interface == RecordEvent::all_imus;
-  if (!is_of_imu(event.type) && (event.type != Type::command || is_of_all)) {
+  if (!traits_of(event).is_of_imu && (event.type != Type::command || is_of_all)) {
     engine_->apply({event});
   } else {
     for_imus(event, [&](std::uint16_t imu) { engine_->apply({event, imu}); });

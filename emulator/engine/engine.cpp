@@ -86,47 +86,41 @@ void Engine::encode_by(EncodingThread* encoding) noexcept {
 [[gnu::noinline]] void Engine::apply_rare(const Step& step) noexcept {
   using Type = Step::Type;
   const RecordEvent& event = step.event;
-  Channel* const channel = step.imu < channels_.size() ? channels_[step.imu].get() : nullptr;
-  if (channel == nullptr && is_of_imu(event.type)) return;
+  if (!has_effect(step)) return;
+  offer(step);
+  Channel* const channel = traits_of(event).is_of_imu ? channels_[step.imu].get() : nullptr;
   switch (event.type) {
     case Type::power_on:
-      record(step);
       channel->power_on(HostTime{event.a});
       break;
     case Type::power_cycle:
-      record(step);
       for (const auto& one : channels_) one->cycle_power(HostTime{event.a});
       break;
     case Type::forget_past:
-      record(step);
       forget_past();
       break;
     case Type::run:
-      record(step);
       (event.flags & RecordEvent::goes_on) != 0 ? pass_over() : begin_run();
       break;
     case Type::set_clock: {
-      record(step);
       const bool runs = (event.flags & RecordEvent::has_host_time) != 0;
       channel->set_clock(DeviceTime{event.a}, runs ? std::optional(HostTime{event.b}) : std::nullopt);
       break;
     }
     case Type::start_samples:
-      record(step);
       channel->sensor.clock().start_samples();
       break;
     case Type::advance:
       advance(TruthTime{event.a});
       break;
     case Type::receive:
-      receive(*channel, step);
+      channel->receive(step.content->frame, event.flags, HostTime{event.a});
       break;
     case Type::command:
     case Type::mark:
       execute(step);
       break;
     case Type::end:
-      record(step);
       for (const auto& one : channels_) one->publish();
       break;
     case Type::truth:
@@ -141,13 +135,60 @@ void Engine::encode_by(EncodingThread* encoding) noexcept {
   }
 }
 
+// Returns false for a step that a damaged record may hold, and for an event of the record that is no step.
+bool Engine::has_effect(const Step& step) const noexcept {
+  using Type = Step::Type;
+  if (traits_of(step.event).is_of_imu && step.imu >= channels_.size()) return false;
+  switch (step.event.type) {
+    case Type::receive:
+      return step.content != nullptr && step.event.flags < channels_[step.imu]->lines.all().size();
+    case Type::advance:
+      return !timeline_.empty();
+    case Type::command:
+      if (step.command_kind() == Command::Kind::reload)
+        return step.content != nullptr && step.content->reload != nullptr;
+      return step.command_kind() != Command::Kind::fault_begin || step.command_number() < faults_.all().size();
+    case Type::begin:
+    case Type::disconnected:
+    case Type::lost:
+      return false;
+    case Type::deadlines:
+    case Type::power_on:
+    case Type::power_cycle:
+    case Type::truth:
+    case Type::forget_past:
+    case Type::run:
+    case Type::set_clock:
+    case Type::start_samples:
+    case Type::sample:
+    case Type::transmit:
+    case Type::end:
+    case Type::mark:
+      return true;
+  }
+  return false;
+}
+
+// Offers the sink a step that has not acted yet, with its bytes.
+void Engine::offer(const Step& step) noexcept {
+  if (!sink_.keeps()) return;
+  RecordEvent event = step.event;
+  if (event.type == Step::Type::advance)
+    event = Step::advance(std::min(TruthTime{event.a}, timeline_.newest())).event;
+  if (event.type == Step::Type::command || event.type == Step::Type::mark) return offer_command(step);
+  keep(event, step.imu);
+  if (event.type != Step::Type::receive) return;
+  const auto host = static_cast<std::uint16_t>(channels_[step.imu]->lines.all()[event.flags].interface + 1);
+  sink_.packet(host, PacketDirection::inbound, step.content->arrival, step.content->frame);
+}
+
 // The recorded event has the imu's interface in place of its number, and the time up to which deadlines were polled.
 void Engine::keep(RecordEvent event, std::uint16_t imu) noexcept {
   if (imu < channels_.size())
     event.interface = channels_[imu]->lines.all()[0].interface;
   else if (event.type == Step::Type::command || event.type == Step::Type::mark)
     event.interface = RecordEvent::all_imus;
-  if (has_polled_time(event)) event.b = polled_.ns;
+  if (traits_of(event).has_polled_time) event.b = polled_.ns;
   sink_.event(event);
 }
 
@@ -191,9 +232,7 @@ void Engine::pass_over() noexcept {
 }
 
 void Engine::advance(TruthTime until) noexcept {
-  if (timeline_.empty()) return;
   until = std::min(until, timeline_.newest());
-  record(Step::advance(until));
   raise_watermark(until);
   for (const auto& channel : channels_) channel->sensor.advance(timeline_, until);
 }
@@ -203,7 +242,7 @@ void Engine::advance(TruthTime until) noexcept {
   const bool at_rest = (step.event.flags & RecordEvent::at_rest) != 0;
   if ((!at_rest && timeline_.empty()) || (!step.at_once && prepared_.size() == prepared_.capacity())) return;
   if (at_rest) {
-    record(step);
+    if (sink_.keeps()) keep(step.event, step.imu);
     channel.sensor.sense_at_rest(Nanoseconds(step.event.a), k);
     channel.prepare(std::nullopt, false);
   } else {
@@ -246,7 +285,7 @@ void Engine::advance(TruthTime until) noexcept {
   const bool is_skipped = (step.event.flags & RecordEvent::skipped) != 0;
   if (is_apart_) return encoding_->put(prepared_);
   for (Channel* channel : prepared_) channel->encode(channel->prepared, is_skipped);
-  record(step);
+  if (sink_.keeps()) keep(step.event, step.imu);
 }
 
 void Engine::complete() noexcept {
@@ -255,16 +294,6 @@ void Engine::complete() noexcept {
     if ((channel->sensor.sample().status & status::at_rest) == 0) ++samples_in_run_;
   }
   prepared_.clear();
-}
-
-void Engine::receive(Channel& channel, const Step& step) noexcept {
-  const std::size_t uart = step.event.flags;
-  if (uart >= channel.lines.all().size() || step.content == nullptr) return;
-  const auto& [frame, arrival, unused] = *step.content;
-  record(step);
-  const auto host = static_cast<std::uint16_t>(channel.lines.all()[uart].interface + 1);
-  sink_.packet(host, PacketDirection::inbound, arrival, frame);
-  channel.receive(frame, uart, HostTime{step.event.a});
 }
 
 [[gnu::noinline]] void Engine::poll(HostTime now) noexcept {

@@ -31,9 +31,9 @@ class Engine {
   explicit Engine(const Config& config, const Ports& ports = real_ports, StepSink& sink = StepSink::none(),
                   RunControl* control = nullptr);
 
-  // Executes a step, and offers it to the sink: before it acts, but a truth and a sample with what came of them, and
-  // `transmit` after the frames of the deadlines up to it. Returns what became of a truth; otherwise `nothing`.
-  // No allocation, no lock, no wait. Steps that a damaged record may hold have no effect.
+  // Executes a step. Before it acts the sink gets it, but a truth and a sample with what came of them, and `transmit`
+  // after the frames of the deadlines up to it; deadlines are stated by later events. Returns what became of a truth;
+  // otherwise `nothing`. No allocation, no lock, no wait. Steps that a damaged record may hold have no effect.
   TruthIntake::Outcome apply(const Step& step) noexcept;
 
   // The channels whose samples were taken since the last `transmit` was completed, in order.
@@ -81,10 +81,9 @@ class Engine {
   void finish_encoding() noexcept;
   void look_at_imus() noexcept;
   void keep(RecordEvent event, std::uint16_t imu) noexcept;
-  void record(const Step& step) noexcept {
-    if (sink_.keeps()) keep(step.event, step.imu);
-  }
-  void record_command(const Step& step) noexcept;
+  bool has_effect(const Step& step) const noexcept;
+  void offer(const Step& step) noexcept;
+  void offer_command(const Step& step) noexcept;
   TruthIntake::Outcome take_truth(const Step& step) noexcept;
   void review() noexcept;
   void forget_past() noexcept;
@@ -93,7 +92,6 @@ class Engine {
   void advance(TruthTime until) noexcept;
   void take_sample(Channel& channel, const Step& step) noexcept;
   void transmit(const Step& step) noexcept;
-  void receive(Channel& channel, const Step& step) noexcept;
   void poll(HostTime now) noexcept;
   void execute(const Step& step) noexcept;
   void change(const Command& command) noexcept;

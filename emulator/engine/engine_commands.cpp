@@ -8,8 +8,7 @@
 namespace imud {
 
 // A mark's text, a begun fault and a reload's text, which is long, follow the event as packets.
-void Engine::record_command(const Step& step) noexcept {
-  if (!sink_.keeps()) return;
+void Engine::offer_command(const Step& step) noexcept {
   RecordEvent event = step.event;
   const Step::Content content = step.content != nullptr ? *step.content : Step::Content{};
   if (content.reload != nullptr) event.c = static_cast<std::int64_t>(content.reload->text.size());
@@ -30,10 +29,6 @@ void Engine::record_command(const Step& step) noexcept {
 void Engine::execute(const Step& step) noexcept {
   const HostTime now{step.event.a};
   const bool is_reload = step.event.type == Step::Type::command && step.command_kind() == Command::Kind::reload;
-  if (is_reload && (step.content == nullptr || step.content->reload == nullptr)) return;
-  const bool is_begin = step.event.type == Step::Type::command && step.command_kind() == Command::Kind::fault_begin;
-  if (is_begin && step.command_number() >= faults_.all().size()) return;  // there is no such fault
-  record_command(step);
   if (is_reload) return reload(*step.content->reload, now);
   const Command command{
       .kind = step.command_kind(), .imu = step.imu, .value = step.command_value(), .number = step.command_number()};

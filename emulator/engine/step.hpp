@@ -104,19 +104,38 @@ struct Step {
   }
 };
 
-// Returns true if the step always has one imu. A command may be.
-constexpr bool is_of_imu(RecordEvent::Type type) noexcept {
+// Properties of a kind of step.
+struct StepTraits {
+  bool is_of_imu = false;        // it always has one imu; a command may have one
+  bool has_polled_time = false;  // `b` of the recorded event is the time up to which deadlines had been polled
+};
+constexpr StepTraits traits_of(const RecordEvent& event) noexcept {
   using Type = RecordEvent::Type;
-  return type == Type::power_on || type == Type::set_clock || type == Type::start_samples || type == Type::sample ||
-         type == Type::receive;
-}
-
-// Returns true if `b` of the recorded event is the time up to which deadlines had been polled before it.
-constexpr bool has_polled_time(const RecordEvent& event) noexcept {
-  using Type = RecordEvent::Type;
-  return event.type == Type::power_cycle || event.type == Type::run || event.type == Type::transmit ||
-         event.type == Type::end || event.type == Type::mark ||
-         (event.type == Type::command && !has_value(static_cast<Command::Kind>(event.flags)));
+  switch (event.type) {
+    case Type::power_on:
+    case Type::set_clock:
+    case Type::start_samples:
+    case Type::sample:
+    case Type::receive:
+      return {.is_of_imu = true};
+    case Type::power_cycle:
+    case Type::run:
+    case Type::transmit:
+    case Type::end:
+    case Type::mark:
+      return {.has_polled_time = true};
+    case Type::command:
+      return {.has_polled_time = !has_value(static_cast<Command::Kind>(event.flags))};
+    case Type::deadlines:
+    case Type::begin:
+    case Type::truth:
+    case Type::disconnected:
+    case Type::forget_past:
+    case Type::advance:
+    case Type::lost:
+      return {};
+  }
+  return {};  // of a damaged record
 }
 
 }  // namespace imud

@@ -278,7 +278,7 @@ TEST_F(StepTest, ForwardedEventsGiveTheBytesOfTheirRun) {
   for (const RecordEvent& event : run.sink.events) {
     if (event.type == Step::Type::truth) again.truth = truths[next_truth++];
     const bool has_imu =
-        is_of_imu(event.type) || (event.type == Step::Type::command && event.interface != RecordEvent::all_imus);
+        traits_of(event).is_of_imu || (event.type == Step::Type::command && event.interface != RecordEvent::all_imus);
     again.apply({.event = event,
                  .imu = has_imu ? imu_of.at(event.interface) : Step::all_imus,
                  .content = event.type == Step::Type::receive ? &asked : nullptr});
