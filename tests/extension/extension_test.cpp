@@ -1,11 +1,12 @@
-// A transport is one file, so is a device whose messages are a table, and a device that talks is one folder: those in
-// tests/extension, of which nothing else in the project knows, work in the daemon. The tests of all devices run over
-// them, too.
+// A transport is one file, so is a truth format, so is a device whose messages are a table, and a device that talks
+// is one folder: those in tests/extension, of which nothing else in the project knows, work in the daemon. The tests
+// of all devices run over them, too.
 #include <functional>
 
 #include "emulator/config/line_load.hpp"
 #include "emulator/config/load_config.hpp"
 #include "protocols/native_truth.hpp"
+#include "protocols/truth_format.hpp"
 #include "tests/emulator/run/run_test.hpp"
 #include "tests/protocols/can_text.hpp"
 #include "tests/protocols/recording.hpp"
@@ -73,6 +74,8 @@ TEST_F(Extension, TheTablesHaveThemBesideTheOthers) {
   ASSERT_NE(find_transport("throwaway"), nullptr);
   ASSERT_NE(find_protocol("throwaway-imu"), nullptr);
   ASSERT_NE(find_protocol("throwaway-can"), nullptr);
+  ASSERT_NE(find_truth_format("throwaway-poses"), nullptr);
+  EXPECT_NE(find_truth_format("jsbsim"), nullptr);
   EXPECT_NE(find_transport("udp"), nullptr);
   EXPECT_NE(find_protocol("native"), nullptr);
   const ProgramResult listed = run_program(IMUD_BIN_DIR "/tests/imud-extended", {"list"});
@@ -98,6 +101,21 @@ TEST_F(Extension, ATransportBringsTruthAndServesADevice) {
   EXPECT_EQ(flight_computer->receive(), std::nullopt);
   stop();
   EXPECT_EQ(summary()["imus"][0]["frames"], 20);
+}
+
+TEST_F(Extension, ATruthFormatBringsATable) {
+  const std::string table =
+      write("poses.txt", "0;1;0;0;0;0;0;0;1.5;-2.25;-9.75\n0.1;1;0;0;0;0;0;0;1.5;-2.25;-9.75\n");
+  const std::string c = config("fast", "file:" + table, "throwaway-poses", 100, "csv", "file:" + path("imu.csv"));
+  const ProgramResult done = run_program(IMUD_BIN_DIR "/tests/imud-extended", {"replay", c, table, "--fast"});
+  EXPECT_EQ(done.exit_code, 0) << done.errors;
+  const auto sent = rows(read_file(path("imu.csv")));
+  ASSERT_EQ(sent.size(), 11U);
+  for (const auto& row : sent) {
+    EXPECT_EQ(row[5], "1.5");
+    EXPECT_EQ(row[6], "-2.25");
+    EXPECT_EQ(row[7], "-9.75");
+  }
 }
 
 TEST_F(Extension, ADeviceSendsAndAnswersOnItsLine) {
