@@ -226,7 +226,7 @@ void Timeline::place(const Truth& truth, Knot& k) noexcept {
 
 // Sets the members of a knot that depend on the truth before as well.
 void Timeline::link(const Knot& before, Knot& k) noexcept {
-  const Vector3 given_N = k.state.q_NB * k.accumulated_dv_B;  // if inertial
+  const Vector3 given_N = k.state.q_NB * k.accumulated_dv_B;  // of use if `accumulated_dv` is inertial
   k.dv_origin_N = before.dv_origin_N;
 
   // Attitude.

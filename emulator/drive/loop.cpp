@@ -236,7 +236,7 @@ void Loop::wait(HostTime until) noexcept {
   look(until);
 }
 
-// Waits as wait() does, or with `until` in the past does not wait, and serves what is ready.
+// Waits for input until `until` at most, and serves what is ready. With `until` in the past it does not wait.
 void Loop::look(HostTime until) noexcept {
   truth_waits_ = hosts_.wait(until, !more_truth_ && wants_truth()) || more_truth_ || has_no_input();
   looked_ = host_.now();

@@ -102,7 +102,7 @@ class DeviceClock {
   }
 
   Grid grid_;
-  mutable Grid::Walk walk_;  // of the nominal instants, at the one that was asked for last
+  mutable Grid::Walk walk_;  // stands at the nominal instant that was asked for last
   DeviceTime zero_;
   Nanoseconds shift_{0};
   std::optional<HostTime> origin_;  // nullopt while the clock stands

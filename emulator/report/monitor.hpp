@@ -68,9 +68,9 @@ class Monitor {
   void report_skipped();
   void report_record();
   void report_faults();
-  // The reports about a port so far.
+  // The reports so far about the present port of an imu.
   struct ReportedPort {
-    std::string port;  // of which they are
+    std::string port;  // its text in the configuration
     PortState state = PortState::ready;
     int wrong_speeds = 0;  // reports of a wrong speed
     SpeedMismatch mismatch;

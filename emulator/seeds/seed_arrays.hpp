@@ -81,8 +81,8 @@ class SeedArrays {
     ImuConfig config;
     std::unique_ptr<ArrayFile> measured, truth;
     std::uint64_t rows = 0;
-    bool varies = false;           // its truth with the seed
-    bool wanders = false;          // its instants with the seed
+    bool varies = false;           // the truth at its samples depends on the seed
+    bool wanders = false;          // its instants depend on the seed
     bool is_faulty = false;        // it may lack measurements
     std::vector<TrueRow> samples;  // the truth at each sample, if it varies
   };

@@ -115,7 +115,7 @@ void Fields::put_filter(Packet& packet, std::uint8_t descriptor, DeviceTime at) 
       valid = has_time_of_week() && has_week();
       break;
     case 0x12:
-      for (int i = 0; i < 4; ++i)  // half of the angle about any axis
+      for (int i = 0; i < 4; ++i)  // an error of the quaternion is half of the angle's
         packet.put_float(solution.is_filter() ? 0.5 * static_cast<double>(solution.attitude.norm()) / std::sqrt(3.0)
                                               : figure_or(0.5 * figures_.attitude.norm() / std::sqrt(3.0), 0.004));
       break;

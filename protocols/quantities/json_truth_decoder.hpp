@@ -38,7 +38,7 @@ class JsonTruthDecoder : public LineTruthDecoder {
   const TruthFrame frame_;
   TruthReading reading_;
   TruthAssembly assembly_;
-  std::string_view datagram_;  // the rest of it
+  std::string_view datagram_;  // the part that is not decoded yet
   bool has_datagram_ = false;
 
   // Members of the last record.

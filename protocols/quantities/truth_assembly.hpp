@@ -46,8 +46,8 @@ double largest_of(const TruthField& field) noexcept;
 class TruthAssembly {
  public:
   struct Axes {
-    bool is_enu = false;  // the local level, and N where it is the local level
-    bool is_flu = false;  // the body
+    bool is_enu = false;  // east-north-up: the local level, and N where that is the local level
+    bool is_flu = false;  // front-left-up: the body axes
     AccumulatedDv accumulated_dv = AccumulatedDv::inertial;
   };
   static Axes axes(const Settings& settings);

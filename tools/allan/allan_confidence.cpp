@@ -101,7 +101,7 @@ Limit unmodified_limit(int alpha, int order) noexcept {
   return table[static_cast<std::size_t>(1 - alpha)][order == 2 ? 0 : 1];
 }
 
-// The estimator: M terms, S of them per averaging time, r averaging times long.
+// The estimator has M terms, S per averaging time. The recording is r averaging times long.
 struct Estimator {
   double M, S, r, J;
 };

@@ -1,4 +1,4 @@
-// Candidates for the meaning of bytes that are no field: for people, who know the temperature of the day.
+// Lists what bytes that are no known field may mean, such as a temperature, for people who can tell whether it is so.
 #include <fmt/format.h>
 
 #include <algorithm>

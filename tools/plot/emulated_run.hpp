@@ -41,7 +41,7 @@ class EmulatedRun {
   Options options_;
   Replay replay_;
   Config config_;            // with that imu alone
-  double frames_per_s_ = 0;  // by the settings
+  double frames_per_s_ = 0;  // that the settings of the device ask for
   bool has_run_ = false;
 };
 

@@ -45,7 +45,7 @@ class StreamSocket : public Port {
   void lose() noexcept;
 
   FileDescriptor peer_;
-  std::optional<HostTime> output_failed_;  // since when the peer receives nothing, although it is not lost yet
+  std::optional<HostTime> output_failed_;  // when the peer, which is still connected, stopped receiving
   HostTime looked_;                        // when look_after_peer() last did something
   ByteWriter writer_{true};
   std::vector<std::byte> buffer_;

@@ -27,8 +27,8 @@ class PtyPair {
   // Makes the link spec.address, when the slave is as a client shall find it. Replaces a link that a process that has
   // ended left behind, and with `replace_served` one whose pty is still in use. Throws PortError.
   void make_link(const PortSpec& spec, bool replace_served = false);
-  // Continues with another open master, whose link is its owner's. Returns false if it is no master of a pty; then
-  // nothing changes.
+  // Continues with another open master, and leaves its link to its owner. Returns false, and changes nothing, if it
+  // is no master of a pty.
   bool replace(FileDescriptor master) noexcept;
 
   // Closes the master, which is -1 from then on, and removes the link that make_link() has made. The kernel hangs the

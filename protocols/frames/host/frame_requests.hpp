@@ -93,7 +93,7 @@ class FrameRequests {
   const std::vector<FrameValue>& delivered() const { return delivered_; }  // values of all settings
   std::optional<std::size_t> baud_setting() const noexcept { return baud_setting_; }
 
-  // Returns requests of each form, with the end of a line: the values are those as delivered.
+  // Returns a request of each form, a line with its end. The values are the settings as delivered.
   std::vector<std::vector<std::byte>> examples() const;
 
  private:

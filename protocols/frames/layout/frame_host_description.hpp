@@ -58,7 +58,7 @@ struct FrameHostDescription {
     std::optional<Text> text;  // a line; absent: `layout` has the bytes
     bool ignores_case = false;
     std::vector<Text> layout;
-    std::vector<std::vector<Text>> items;  // of {items} in the layout: the elements of each kind
+    std::vector<std::vector<Text>> items;  // the kinds of an element {items} of `layout`: the elements of each
     std::vector<Choice> when;              // understood while all of these hold
 
     std::optional<bool> streams;  // switches the stream on or off
