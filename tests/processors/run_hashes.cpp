@@ -11,9 +11,11 @@
 #include <iostream>
 #include <iterator>
 #include <memory>
+#include <set>
 #include <sstream>
 #include <stdexcept>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "core/attitude.hpp"
@@ -150,13 +152,21 @@ class Run {
   std::size_t count_ = 0;
 };
 
-// Returns the correct line for the protocol and settings of `line`.
-std::string right_line(const std::string& line, const std::vector<Truth>& flight) {
+const Protocol* protocol_of(const std::string& line) {
   std::istringstream words(line);
   std::string hash, frames, name;
   words >> hash >> frames >> name;
   const Protocol* protocol = find_protocol(name);
   if (protocol == nullptr) throw std::runtime_error("no protocol in: " + line);
+  return protocol;
+}
+
+// Returns the correct line for the protocol and settings of `line`.
+std::string right_line(const std::string& line, const std::vector<Truth>& flight) {
+  const Protocol* protocol = protocol_of(line);
+  std::istringstream words(line);
+  std::string hash, frames, name;
+  words >> hash >> frames >> name;
   Settings settings(protocol->settings);
   std::ostringstream right;
   for (std::string setting; words >> setting; right << ' ' << setting) {
@@ -177,14 +187,19 @@ int check(const std::string& capture, const std::string& hashes) {
   if (flight.size() != 2001) throw std::runtime_error(std::to_string(flight.size()) + " truths in " + capture);
   std::istringstream lines(read_file(hashes));
   int right = 0, wrong = 0;
+  std::set<std::string_view> absent;
+  for (const Protocol* protocol : protocols()) absent.insert(protocol->name);
   for (std::string line; std::getline(lines, line);) {
     if (line.empty() || line.front() == '#') continue;
     const std::string wanted = right_line(line, flight);
+    absent.erase(protocol_of(line)->name);
     ++(wanted == line ? right : wrong);
     std::cout << wanted << (wanted == line ? "" : "    # not as before") << '\n';
   }
   if (right + wrong < 10) throw std::runtime_error("fewer than 10 lines in " + hashes);
-  return wrong == 0 ? 0 : 1;
+  for (const std::string_view name : absent)
+    std::cout << right_line("0 0 " + std::string(name), flight) << "    # is absent\n";
+  return wrong == 0 && absent.empty() ? 0 : 1;
 }
 
 }  // namespace
