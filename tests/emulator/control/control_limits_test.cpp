@@ -1,9 +1,13 @@
 // Clients of the control protocol that do not read, and too many of them: imud goes on, within its memory, and counts
 // what they lose.
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cstdlib>
 #include <fstream>
+#include <string>
 
+#include "emulator/control/control_api.hpp"
 #include "emulator/control/control_server.hpp"
 #include "emulator/control/send_queue.hpp"
 #include "tests/emulator/control/controlled_run.hpp"
@@ -110,6 +114,16 @@ TEST_F(ControlLimits, AHundredClientsThatReadNothing) {
   EXPECT_EQ(summary()["control"]["clients_closed"], 1);
   EXPECT_TRUE(contains(imud.output(), " connections refused, 1 clients closed that read no answers"))
       << imud.output();
+}
+
+// The table of the methods in emulator/control/README.md.
+TEST(ControlReadme, HasEveryMethod) {
+  std::ifstream file(IMUD_SOURCE_DIR "/emulator/control/README.md");
+  std::string first_cells;
+  for (std::string line; std::getline(file, line);)
+    if (line.starts_with("| `")) first_cells += line.substr(0, line.find(" |", 1));
+  for (const ControlApi::Method& method : ControlApi::methods())
+    EXPECT_TRUE(contains(first_cells, fmt::format("`{}`", method.name))) << method.name;
 }
 
 }  // namespace
