@@ -212,6 +212,13 @@ for chart, key in charts:
 if len(charts) < 7:
     faults.append(f"emulator/web/page/quantities.js: only {len(charts)} charts were found")
 
+# A function of imud whose name std has, too: with a std::string as argument g++ 14 finds that of std, or both.
+for folder in RULES:
+    for path in sorted((root / folder).rglob("*.[ch]pp")):
+        for number, line in enumerate(path.read_text().splitlines(), 1):
+            if re.search(r"(?<!std::)\bquoted\(", re.sub(r"//.*", "", line)):
+                faults.append(f"{path.relative_to(root)}:{number}: quoted(): call it in_quotes(), std has one of that name")
+
 # Comments are whole sentences in the field's words: coinages that were found often, and their replacements.
 COINAGES = {
     r"hears?|heard|hearing": "receive", r"obeys?|obeyed": "execute", r"patience": "timeout, longest wait",

@@ -13,7 +13,7 @@ namespace imud {
 namespace {
 
 // Returns the text as a field of CSV (RFC 4180).
-std::string quoted(std::string_view text) {
+std::string in_quotes(std::string_view text) {
   if (text.find_first_of(",\"\r\n") == text.npos) return std::string(text);
   std::string field = "\"";
   for (const char c : text) field.append(c == '"' ? 2 : 1, c);
@@ -39,10 +39,10 @@ FieldCsv::FieldCsv(const FieldDecoder& decoder, TextOutput& out) : decoder_(deco
   std::string header = "message,offset";
   std::size_t columns = 0, longest = 0;
   for (const FrameKind& kind : kinds) {
-    kinds_.push_back({quoted(kind.name), kind.fields.size(), columns});
+    kinds_.push_back({in_quotes(kind.name), kind.fields.size(), columns});
     columns += kind.fields.size();
     longest = std::max(longest, kind.fields.size());
-    for (const std::string& field : kind.fields) header += "," + quoted(kind.name + "." + field);
+    for (const std::string& field : kind.fields) header += "," + in_quotes(kind.name + "." + field);
   }
   for (Kind& kind : kinds_) kind.after = columns - kind.before - kind.fields;
   values_.resize(longest);

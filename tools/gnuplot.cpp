@@ -45,10 +45,10 @@ void check_data_path(const std::string& path, std::string_view begin) {
 std::string terminal_commands(const std::string& picture, std::size_t width, std::size_t height) {
   return fmt::format("set terminal {} size {},{}\nset output {}\n",
                      picture.ends_with(".svg") ? "svg enhanced background 'white'" : "pngcairo enhanced", width,
-                     height, quoted(picture));
+                     height, in_quotes(picture));
 }
 
-std::string quoted(const std::string& text) {
+std::string in_quotes(const std::string& text) {
   std::string result = "'";
   for (const char c : text) result += c == '\'' ? std::string("''") : std::string(1, c);
   return result + "'";

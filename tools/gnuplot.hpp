@@ -22,7 +22,7 @@ void check_data_path(const std::string& path, std::string_view begin);
 std::string terminal_commands(const std::string& picture, std::size_t width, std::size_t height);
 
 // Returns the text in gnuplot's single quotes, in which nothing is special but the quote.
-std::string quoted(const std::string& text);
+std::string in_quotes(const std::string& text);
 
 // Executes the commands. Throws std::runtime_error if gnuplot fails.
 void run_gnuplot(const std::string& commands);

@@ -10,7 +10,7 @@ namespace imud {
 namespace {
 
 // Returns the text as a field of CSV (RFC 4180).
-std::string quoted(const std::string& text) {
+std::string in_quotes(const std::string& text) {
   if (text.find_first_of(",\"\r\n") == std::string::npos) return text;
   std::string field = "\"";
   for (const char c : text) field.append(c == '"' ? 2 : 1, c);
@@ -121,21 +121,21 @@ std::string labels_csv(std::span<const FaultLabel> labels, std::span<const Drawn
   for (const FaultLabel& label : labels) {
     if (seed) text += fmt::format("{},", *seed);
     if (label.state == FaultLabel::State::never) {
-      text += fmt::format("{},{},{},{},,,,,,,,,,,,{}\n", quoted(label.fault->name), quoted(label.imu),
+      text += fmt::format("{},{},{},{},,,,,,,,,,,,{}\n", in_quotes(label.fault->name), in_quotes(label.imu),
                           label.fault->target_text(), label.fault->kind->name, word(label.state));
       continue;
     }
     text +=
-        fmt::format("{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{}\n", quoted(label.fault->name), quoted(label.imu),
-                    label.fault->target_text(), label.fault->kind->name, label.first.occurrence, label.first.sample,
-                    label.last.sample, label.first.counter, label.last.counter, label.first.time_s, label.last.time_s,
-                    label.first.device_time.ns, label.last.device_time.ns, parameters_text(*label.fault, label.first),
-                    label.first.run, word(label.state));
+        fmt::format("{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{}\n", in_quotes(label.fault->name),
+                    in_quotes(label.imu), label.fault->target_text(), label.fault->kind->name, label.first.occurrence,
+                    label.first.sample, label.last.sample, label.first.counter, label.last.counter,
+                    label.first.time_s, label.last.time_s, label.first.device_time.ns, label.last.device_time.ns,
+                    parameters_text(*label.fault, label.first), label.first.run, word(label.state));
   }
   for (const auto& [imu, terms] : drawn) {
     if (seed) text += fmt::format("{},", *seed);
-    text +=
-        fmt::format(",{},{},{},,,,,,,,,,{},,drawn\n", quoted(imu), terms.sensor, terms.layer, quoted(terms.text()));
+    text += fmt::format(",{},{},{},,,,,,,,,,{},,drawn\n", in_quotes(imu), terms.sensor, terms.layer,
+                        in_quotes(terms.text()));
   }
   return text;
 }

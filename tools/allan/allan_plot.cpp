@@ -22,7 +22,7 @@ std::string plot_commands(const AllanReport& report, const std::string& data, co
   const double rate_hz = report.recording.rate_hz;
   const std::string title = fmt::format("{} {}: {} samples at {:.6g} Hz in {:.6g} s", report.protocol, report.port,
                                         report.samples, rate_hz, static_cast<double>(report.samples) / rate_hz);
-  text += fmt::format("set multiplot layout {},1 title {} noenhanced\n", diagrams, quoted(title));
+  text += fmt::format("set multiplot layout {},1 title {} noenhanced\n", diagrams, in_quotes(title));
   const double percent = 100 * report.confidence;
   for (const bool is_rate : {true, false}) {
     const TermUnit& unit = deviation_unit(is_rate);
@@ -34,17 +34,18 @@ std::string plot_commands(const AllanReport& report, const std::string& data, co
       const std::size_t column = 2 + report.csv_columns_per_axis() * i;
       const auto scaled = [&](std::size_t offset) { return fmt::format("(${}*{})", column + offset, unit.factor); };
       ++color;
-      plots += fmt::format("{}{} every ::1 using 1:{}:{} with filledcurves linecolor {} title '{:.3g} %'",
-                           plots.empty() ? "plot " : ", \\\n  ", quoted(data), scaled(1), scaled(2), color, percent);
+      plots +=
+          fmt::format("{}{} every ::1 using 1:{}:{} with filledcurves linecolor {} title '{:.3g} %'",
+                      plots.empty() ? "plot " : ", \\\n  ", in_quotes(data), scaled(1), scaled(2), color, percent);
       plots += fmt::format(
           ", \\\n  {} every ::1 using 1:{} with linespoints linecolor {} pointtype 7 pointsize 0.4 title '{}'",
-          quoted(data), scaled(0), color, axis.name());
+          in_quotes(data), scaled(0), color, axis.name());
       plots += fmt::format(", \\\n  {} every ::1 using 1:{} with lines linecolor {} dashtype 2 title 'fitted'",
-                           quoted(data), scaled(3), color);
+                           in_quotes(data), scaled(3), color);
       if (report.against)
         plots += fmt::format(", \\\n  {} every ::1 using 1:{} with lines linecolor 'black' linewidth 2 dashtype 3 {}",
-                             quoted(data), scaled(4),
-                             color == 1 ? "title " + quoted(report.against->model) : std::string("notitle"));
+                             in_quotes(data), scaled(4),
+                             color == 1 ? "title " + in_quotes(report.against->model) : std::string("notitle"));
     }
     if (plots.empty()) continue;
     text += fmt::format("set ylabel '{} deviation in {}'\n{}\n", name_of(report.axes.front().curve.kind),

@@ -102,7 +102,7 @@ std::optional<ImuModel> product_model(const std::string& model, const DecodeOpti
   const bool is_can = protocol->link == Link::can;
   std::string text =
       fmt::format("[truth]\nport = \"udp:127.0.0.1:9810\"\n[[imu]]\nprotocol = {}\nport = {}\nmodel = {}\n",
-                  quoted(source.protocol), quoted(standard_input_port(is_can, is_can)), quoted(model));
+                  in_quotes(source.protocol), in_quotes(standard_input_port(is_can, is_can)), in_quotes(model));
   const Settings settings = settings_from(protocol->settings, source.settings);
   for (const Setting& setting : protocol->settings) {
     const auto value =

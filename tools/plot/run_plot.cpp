@@ -156,7 +156,7 @@ std::string run_plot_commands(const RunErrors& run, const std::string& samples_p
   text += fmt::format("set multiplot layout {},{}\n", rows, std::size(charts));
   for (std::size_t i = 0; i < rows; ++i) {
     if (i == 1) text += "unset key\n";
-    for (const auto chart : charts) text += chart({run, i, quoted(samples_path), quoted(spectrum_path)});
+    for (const auto chart : charts) text += chart({run, i, in_quotes(samples_path), in_quotes(spectrum_path)});
   }
   return text + "unset multiplot\nunset output\n";
 }

@@ -27,7 +27,7 @@ FrameNumber number_type(std::string_view name, bool is_big) {
   if (name == "f64") return {float64, 8, is_big};
   const auto bits = name.empty() ? std::nullopt : number_in<unsigned>(name.substr(1));
   if (!(name.starts_with('u') || name.starts_with('i')) || !bits || *bits == 0 || *bits > 64 || *bits % 8 != 0)
-    refuse_element("there is no type " + quoted(name) +
+    refuse_element("there is no type " + in_quotes(name) +
                    "; give u8, u16, u24, u32, u64, i8, i16, i24, i32, i64, f32 or f64");
   return {name.front() == 'u' ? unsigned_integer : signed_integer, *bits / 8, is_big};
 }
@@ -50,7 +50,7 @@ void parse_field(FrameElement& element, std::string_view text, std::size_t colon
   std::tie(element.lsb, element.offset) = take_scale(rest);
   if (!rest.empty())
     refuse_element("what follows the type must be *LSB, +OFFSET, \" be\", \" le\" or \" carry\", not " +
-                   quoted(rest));
+                   in_quotes(rest));
   check_modulus(element.source);
   if (element.source.kind == FrameSource::Kind::status)
     refuse_element("one bit of the status is given as bits:u8:0=NAME");
@@ -73,22 +73,23 @@ void parse_bits(FrameElement& element, std::string_view text, bool is_big) {
   each_part(text.substr(colon + 1), ',', [&](std::string_view part) {
     part = trim(part);
     const std::size_t equals = part.find('=');
-    if (equals == part.npos) refuse_element(quoted(part) + ": give BIT=SOURCE or FIRST-LAST=SOURCE");
+    if (equals == part.npos) refuse_element(in_quotes(part) + ": give BIT=SOURCE or FIRST-LAST=SOURCE");
     FrameElement::BitField field;
     const std::string_view place = part.substr(0, equals), name = part.substr(equals + 1);
     const std::size_t dash = place.find('-');
     const auto low = number_in<unsigned>(place.substr(0, dash));
     const auto high = dash == place.npos ? low : number_in<unsigned>(place.substr(dash + 1));
     if (!low || !high || *low > *high || *high >= width)
-      refuse_element(quoted(part) + ": give bits from 0 to " + std::to_string(width - 1) + ", the lower one first");
+      refuse_element(in_quotes(part) + ": give bits from 0 to " + std::to_string(width - 1) +
+                     ", the lower one first");
     field.low = *low;
     field.high = *high;
     const std::uint64_t mask = (~std::uint64_t{0} >> (63 - (*high - *low))) << *low;
-    if ((used & mask) != 0) refuse_element(quoted(part) + ": a bit is given twice");
+    if ((used & mask) != 0) refuse_element(in_quotes(part) + ": a bit is given twice");
     used |= mask;
     if (const auto constant = number_or_hex_in<std::uint64_t>(name)) {
       field.source.constant = *constant;
-      if (*constant > mask >> *low) refuse_element(quoted(part) + ": the constant is too large for the bits");
+      if (*constant > mask >> *low) refuse_element(in_quotes(part) + ": the constant is too large for the bits");
     } else {
       const bool is_inverse = name.starts_with('!');
       field.source = source_in(name.substr(is_inverse ? 1 : 0));
@@ -96,10 +97,10 @@ void parse_bits(FrameElement& element, std::string_view text, bool is_big) {
       check_modulus(field.source);
       const bool is_status = field.source.kind == FrameSource::Kind::status;
       if (!is_status && !is_counting(field.source))
-        refuse_element(quoted(part) +
+        refuse_element(in_quotes(part) +
                        ": bits are constants, counters, the status, or bits of the status; a quantity is a field");
-      if (is_inverse && !is_status) refuse_element(quoted(part) + ": only a bit of the status has an inverse");
-      if (is_status && *high != *low) refuse_element(quoted(part) + ": give one bit");
+      if (is_inverse && !is_status) refuse_element(in_quotes(part) + ": only a bit of the status has an inverse");
+      if (is_status && *high != *low) refuse_element(in_quotes(part) + ": give one bit");
     }
     element.bit_fields.push_back(std::move(field));
   });

@@ -38,7 +38,7 @@ double take_fraction(std::string_view& text, std::string_view what) {
 
 }  // namespace
 
-std::string quoted(std::string_view text) { return "\"" + std::string(text) + "\""; }
+std::string in_quotes(std::string_view text) { return "\"" + std::string(text) + "\""; }
 
 FrameSource source_in(std::string_view text) {
   const std::size_t percent = text.find('%');
@@ -70,11 +70,11 @@ FrameElement::Range range_in(std::string_view text) {
   const std::size_t dots = text.find("..");
   const auto label = [&](std::string_view name) {
     if (!name.starts_with('@'))
-      refuse_element(quoted(text) + ": a range is @FROM..@TO, of labels, or @FROM..@ up to the end");
+      refuse_element(in_quotes(text) + ": a range is @FROM..@TO, of labels, or @FROM..@ up to the end");
     return std::string(name.substr(1));
   };
   if (dots == text.npos)
-    refuse_element(quoted(text) + ": a range is @FROM..@TO, of labels, or @FROM..@ up to the end");
+    refuse_element(in_quotes(text) + ": a range is @FROM..@TO, of labels, or @FROM..@ up to the end");
   FrameElement::Range range;
   range.from = label(text.substr(0, dots));
   const std::string_view to = text.substr(dots + 2);
@@ -82,7 +82,7 @@ FrameElement::Range range_in(std::string_view text) {
     range.to = label(to);
     range.is_to_end = range.to.empty();
   }
-  if (range.from.empty()) refuse_element(quoted(text) + ": give the label at which the range begins");
+  if (range.from.empty()) refuse_element(in_quotes(text) + ": give the label at which the range begins");
   return range;
 }
 
@@ -119,8 +119,8 @@ std::string label_in(std::string_view text) {
 FrameCheck check_named(std::string_view name, std::span<const FrameDescription::Check> own) {
   if (auto check = FrameCheck::find(name, own)) return *std::move(check);
   const std::string meant = nearest(name, FrameCheck::names(own));
-  refuse_element("there is no check " + quoted(name) + "; " +
-                 (meant.empty() ? "" : "did you mean " + quoted(meant) + "? ") +
+  refuse_element("there is no check " + in_quotes(name) + "; " +
+                 (meant.empty() ? "" : "did you mean " + in_quotes(meant) + "? ") +
                  "imud list checks prints all; of a wrong one the test_frame says which are right");
 }
 

@@ -11,7 +11,7 @@
 
 namespace imud {
 
-std::string quoted(std::string_view text);
+std::string in_quotes(std::string_view text);
 
 // Calls `take` with each part of the text between separators.
 template <class Take>

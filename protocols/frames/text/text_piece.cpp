@@ -42,7 +42,7 @@ TextPiece field_in(std::string_view text) {
   std::string_view rest = text.substr(colon + 1);
   piece.format = TextFormat::take(rest);
   std::tie(piece.lsb, piece.offset) = take_scale(rest);
-  if (!rest.empty()) refuse_element("what follows the format must be ?, *LSB or +OFFSET, not " + quoted(rest));
+  if (!rest.empty()) refuse_element("what follows the format must be ?, *LSB or +OFFSET, not " + in_quotes(rest));
   if (piece.format.chosen("") && (piece.lsb != 1 || piece.offset != 0))
     refuse_element("a choice of texts has no LSB and no offset");
   const bool is_integer = piece.format.is_integer();
