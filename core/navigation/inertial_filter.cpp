@@ -50,7 +50,7 @@ void InertialFilter::begin(const InertialState& state, const Vector3& gyro_bias_
   gyro_bias_ = gyro_bias_P;
   accelerometer_bias_ = accelerometer_bias_P;
   P_ = covariance;
-  time_s_ = 0;
+  time_s_ = turns2_s_ = 0;
   rotation_s_.setZero();
   dv_N_.setZero();
 }
@@ -59,6 +59,7 @@ void InertialFilter::advance(const Vector3& delta_angle, const Vector3& delta_ve
   const Matrix3 before = strapdown_.state().q_NP.toRotationMatrix();
   dv_N_ += strapdown_.advance(delta_angle - dt * gyro_bias_, delta_velocity - dt * accelerometer_bias_, dt);
   rotation_s_ += (0.5 * dt) * (before + strapdown_.state().q_NP.toRotationMatrix());
+  turns2_s_ += delta_angle.squaredNorm() / dt;
   time_s_ += dt;
   constexpr double rounding_s = 1e-6;
   if (time_s_ > covariance_period_s - rounding_s) propagate();
@@ -67,8 +68,8 @@ void InertialFilter::advance(const Vector3& delta_angle, const Vector3& delta_ve
 void InertialFilter::propagate() noexcept {
   if (time_s_ == 0) return;
   const double t = time_s_;
-  const Matrix3 gradient = gravity_gradient(gravitation_N(gravitation(), motion().r_N), motion().r_N),
-                force = cross_matrix(dv_N_);
+  const Vector3 g_N = gravitation_N(gravitation(), motion().r_N);
+  const Matrix3 gradient = gravity_gradient(g_N, motion().r_N), force = cross_matrix(dv_N_);
   const Matrix3 turned = force * rotation_s_;
   const Transition transition = {.phi_gyro = -rotation_s_,
                                  .v_phi = -force,
@@ -83,7 +84,13 @@ void InertialFilter::propagate() noexcept {
   transition.apply(P_);
   P_.transposeInPlace();
   transition.apply(P_);
-  const double angle = noise_.gyro * noise_.gyro * t, dv = noise_.accelerometer * noise_.accelerometer * t;
+  const auto square = [](double x) { return x * x; };
+  constexpr double manoeuvre_s = InertialNoise::manoeuvre_s;
+  const double manoeuvre2_s = (dv_N_ + t * g_N).squaredNorm() / t;  // the integral of the squared acceleration
+  const double angle = square(noise_.gyro) * t + manoeuvre_s * (square(noise_.gyro_scale) * turns2_s_ +
+                                                                square(noise_.g_sensitivity) * manoeuvre2_s),
+               dv =
+                   square(noise_.accelerometer) * t + manoeuvre_s * square(noise_.accelerometer_scale) * manoeuvre2_s;
   const Matrix3 v_phi = (-0.5 * angle) * force;
   P_.block<3, 3>(velocity, phi) += v_phi;
   P_.block<3, 3>(phi, velocity) += v_phi.transpose();
@@ -98,7 +105,7 @@ void InertialFilter::propagate() noexcept {
   }
   for (int i = 0; i < states; ++i)
     for (int j = 0; j < i; ++j) P_(i, j) = P_(j, i) = 0.5 * (P_(i, j) + P_(j, i));
-  time_s_ = 0;
+  time_s_ = turns2_s_ = 0;
   rotation_s_.setZero();
   dv_N_.setZero();
 }

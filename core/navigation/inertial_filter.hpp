@@ -72,6 +72,7 @@ class InertialFilter {
   double time_s_ = 0;
   Matrix3 rotation_s_ = Matrix3::Zero();  // the integral of C
   Vector3 dv_N_ = Vector3::Zero();        // the integral of C f
+  double turns2_s_ = 0;                   // rad^2/s, the integral of the square of the rate
 };
 
 }  // namespace imud

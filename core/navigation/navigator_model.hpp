@@ -14,6 +14,10 @@ struct InertialNoise {
   double accelerometer = 0;       // m/s/sqrt(s), velocity random walk
   double gyro_walk = 0;           // rad/s/sqrt(s), of the gyros' bias
   double accelerometer_walk = 0;  // m/s^2/sqrt(s)
+  // Standard deviations of scale factors and misalignments, 1, and of the gyros' g-sensitivity, rad/s/(m/s^2). What
+  // they make of a manoeuvre counts as noise of a correlation time of manoeuvre_s.
+  double gyro_scale = 0, accelerometer_scale = 0, g_sensitivity = 0;
+  static constexpr double manoeuvre_s = 5;  // chosen
 };
 
 // Which aids the filter has, and how it is tuned. Vectors are north, east, down.

@@ -3,19 +3,21 @@
 #include <cmath>
 
 #include "core/navigation/navigator.hpp"
+#include "core/units.hpp"
 
 namespace imud {
 namespace {
 
 struct Tuning {
-  double noise = 0, walk = 0, bias = 0;
+  double noise = 0, walk = 0, bias = 0, scale = 0, g_sensitivity = 0;
 };
+
+double square(double x) { return x * x; }
 
 // The largest of the axes. A slow error that is no random walk counts as the walk that has its Allan deviation after
 // `slow_s`; the figure is chosen: a maker's own tuning is not published.
 Tuning tuning_of(const TriadErrors& errors, double internal_hz) {
-  constexpr double slow_s = 100, flat = 0.664;  // sqrt(2 ln 2/pi), the Allan deviation of B = 1
-  const auto square = [](double x) { return x * x; };
+  constexpr double slow_s = 20, flat = 0.664;  // sqrt(2 ln 2/pi), the Allan deviation of B = 1
   const bool is_white = errors.walk_transition.isZero(0.0);
   Tuning largest;
   for (int i = 0; i < 3; ++i) {
@@ -26,6 +28,15 @@ Tuning tuning_of(const TriadErrors& errors, double internal_hz) {
         square(errors.random_walk_density[i]) + (is_white ? 0 : step2 * internal_hz) + 3 * slow2 / slow_s;
     const double bias2 = square(errors.bias[i]) + square(errors.turn_on_bias[i]) + square(errors.unit_sigma.bias[i]) +
                          square(errors.turn_on_sigma.bias[i]) + slow2;
+    const double scale2 =
+        square(errors.scale_factor[i] - 1) + (errors.misalignment - Matrix3::Identity()).row(i).squaredNorm() +
+        square(errors.unit_sigma.scale_factor[i]) + square(errors.turn_on_sigma.scale_factor[i]) +
+        errors.unit_sigma.misalignment.row(i).squaredNorm() + errors.turn_on_sigma.misalignment.row(i).squaredNorm();
+    const double g_sensitivity2 = errors.g_sensitivity.row(i).squaredNorm() +
+                                  errors.unit_sigma.g_sensitivity.row(i).squaredNorm() +
+                                  errors.turn_on_sigma.g_sensitivity.row(i).squaredNorm();
+    largest.scale = std::max(largest.scale, std::sqrt(scale2));
+    largest.g_sensitivity = std::max(largest.g_sensitivity, std::sqrt(g_sensitivity2));
     largest.noise = std::max(largest.noise, std::sqrt(noise2));
     largest.walk = std::max(largest.walk, std::sqrt(walk2));
     largest.bias = std::max(largest.bias, std::sqrt(bias2));
@@ -40,10 +51,18 @@ void tune(NavigatorModel& navigator, const ImuModel& imu) noexcept {
   const Tuning gyro = tuning_of(imu.gyro, internal_hz), accelerometer = tuning_of(imu.accelerometer, internal_hz);
   // A filter that trusts its sensors without limit would take no aid.
   constexpr double least_gyro = 1e-7, least_accelerometer = 1e-6, least_walk = 1e-9, least_bias = 1e-6;
-  navigator.noise = {std::max(gyro.noise, least_gyro), std::max(accelerometer.noise, least_accelerometer),
-                     std::max(gyro.walk, least_walk), std::max(accelerometer.walk, 10 * least_walk)};
-  navigator.gyro_bias = std::max(gyro.bias, least_bias);
-  navigator.accelerometer_bias = std::max(accelerometer.bias, 100 * least_bias);
+  navigator.noise = {std::max(gyro.noise, least_gyro),
+                     std::max(accelerometer.noise, least_accelerometer),
+                     std::max(gyro.walk, least_walk),
+                     std::max(accelerometer.walk, 10 * least_walk),
+                     gyro.scale,
+                     accelerometer.scale,
+                     gyro.g_sensitivity};
+  // In gravity these errors are a bias.
+  constexpr double g = units::standard_gravity;
+  navigator.gyro_bias = std::max(std::sqrt(square(gyro.bias) + square(g * gyro.g_sensitivity)), least_bias);
+  navigator.accelerometer_bias =
+      std::max(std::sqrt(square(accelerometer.bias) + square(g * accelerometer.scale)), 100 * least_bias);
 }
 
 }  // namespace imud

@@ -135,6 +135,21 @@ TEST(InertialFilter, CovarianceStaysDefinite) {
   }
 }
 
+// Errors of scale make a noise of a turn, and of an acceleration; none at rest.
+TEST(InertialFilter, ScaleErrorsAreNoiseInManoeuvres) {
+  const InertialNoise noise = {.gyro_scale = 1e-3, .accelerometer_scale = 2e-3, .g_sensitivity = 1e-5};
+  const auto variances = [&](double rate, double acceleration) {  // about z, along z, after a second
+    Filter filter(down, {}, noise);
+    filter.begin({}, Vector3::Zero(), Vector3::Zero(), Filter::Covariance::Zero());
+    for (int k = 0; k < 50; ++k) filter.advance({0, 0, dt * rate}, {0, 0, dt * (acceleration - g)}, dt);
+    return Vector2(filter.covariance()(2, 2), filter.covariance()(5, 5));
+  };
+  EXPECT_LT(variances(0, 0).norm(), 1e-20);
+  EXPECT_NEAR(variances(0.5, 0).x(), InertialNoise::manoeuvre_s * 1e-6 * 0.25, 1e-12);
+  EXPECT_NEAR(variances(0, 3).x(), InertialNoise::manoeuvre_s * 1e-10 * 9, 1e-14);
+  EXPECT_NEAR(variances(0, 3).y(), InertialNoise::manoeuvre_s * 4e-6 * 9, 1e-10);
+}
+
 // A row of a measurement: with the variance p before and r of the measurement, p r/(p + r) and p/(p + r) of the
 // innovation.
 TEST(InertialFilter, UpdatesAsScalarsDo) {

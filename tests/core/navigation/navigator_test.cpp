@@ -339,6 +339,18 @@ TEST(Navigator, TunesBySensors) {
   tune(model.navigator, model);
   EXPECT_DOUBLE_EQ(model.navigator.noise.gyro_walk, 3e-6);
   EXPECT_DOUBLE_EQ(model.navigator.gyro_bias, std::sqrt(5e-6));
+  // Scale factors, misalignments and g-sensitivity, with their biases in gravity.
+  model.accelerometer.unit_sigma.scale_factor = Vector3::Constant(3e-3);
+  model.accelerometer.unit_sigma.misalignment(1, 2) = 4e-3;
+  model.gyro.g_sensitivity(0, 2) = 1e-3;
+  model.gyro.scale_factor.x() = 1.002;
+  tune(model.navigator, model);
+  EXPECT_DOUBLE_EQ(model.navigator.noise.accelerometer_scale, 5e-3);
+  EXPECT_NEAR(model.navigator.noise.gyro_scale, 2e-3, 1e-15);
+  EXPECT_DOUBLE_EQ(model.navigator.noise.g_sensitivity, 1e-3);
+  const double g = units::standard_gravity;
+  EXPECT_NEAR(model.navigator.accelerometer_bias, std::hypot(0.02, 5e-3 * g), 1e-12);
+  EXPECT_NEAR(model.navigator.gyro_bias, std::sqrt(5e-6 + 1e-6 * g * g), 1e-12);
 }
 
 }  // namespace
