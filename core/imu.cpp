@@ -68,12 +68,13 @@ void Imu::add_piece(const MotionState& end) noexcept {
     const Vector3 g2 = omega2.cross(u2);
     velocity_sum_B_ += integral(Vector3::Zero(), g2, omega1.cross(begin.specific_force_B),
                                 omega2_dot.cross(u2) + omega2.cross(end.specific_force_B - g2));
-    const Vector3& r = model_.r_SB_B;
-    const Vector3 v1 = omega1.cross(r);
-    const Vector3 v2 = omega2.cross(r);
-    centripetal_sum_B_ +=
-        integral(omega1.cross(v1), omega2.cross(v2), omega1_dot.cross(v1) + omega1.cross(omega1_dot.cross(r)),
-                 omega2_dot.cross(v2) + omega2.cross(omega2_dot.cross(r)));
+    if (const Vector3& r = model_.r_SB_B; !r.isZero(0.0)) {
+      const Vector3 v1 = omega1.cross(r);
+      const Vector3 v2 = omega2.cross(r);
+      centripetal_sum_B_ +=
+          integral(omega1.cross(v1), omega2.cross(v2), omega1_dot.cross(v1) + omega1.cross(omega1_dot.cross(r)),
+                   omega2_dot.cross(v2) + omega2.cross(omega2_dot.cross(r)));
+    }
     if (size_effect_.is_on()) size_effect_.add_piece(begin, end, h);
   }
   advanced_ = end;
