@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <bit>
 
+#include "core/numbers/dispatch.hpp"
 #include "core/numbers/lanes.hpp"
 
 namespace imud {
@@ -54,7 +55,7 @@ void Bandwidth::continue_from(const Bandwidth& before, const Normals&, std::uint
   std::copy_n(before.inputs_.begin(), length_ > 1 ? length_ * stages_ : 0, inputs_.begin());
 }
 
-Vector3 Bandwidth::next(const Vector3& value) noexcept {
+IMUD_DISPATCHED Vector3 Bandwidth::next(const Vector3& value) noexcept {
   if (!is_settled_) settle(value);
   const Vector3 filtered = length_ > 1 ? boxcars(value) : butterworth(value);
   is_settled_ = filtered.allFinite();  // otherwise it would never be finite again
