@@ -9,9 +9,9 @@
 
 namespace imud {
 
-// Counts durations from 100 ns to 1000 s in buckets 1.16 % wide. Shorter ones count as 0, longer ones as the maximum,
-// which is kept exactly. While one thread adds, others may copy the histogram without a lock; they must query only
-// the copy. Only construction and copying allocate.
+// Counts durations from 100 ns to 1000 s in 64 buckets to an octave. Shorter ones count as 0, longer ones as the
+// maximum, which is kept exactly. While one thread adds, others may copy the histogram without a lock; they must
+// query only the copy. Only construction and copying allocate.
 class DurationHistogram {
  public:
   DurationHistogram();
@@ -35,12 +35,11 @@ class DurationHistogram {
   // Returns for each of `limits`, s, ascending, the number of durations that do not exceed it, within half a bucket.
   // Infinity has the number of all.
   std::vector<std::uint64_t> counts_up_to(std::span<const double> limits) const;
-  // Returns the sum of all durations, s, each within half a bucket; one below 100 ns counts as 0.
-  double sum() const;
+  // The sum of all durations, s.
+  double sum() const noexcept { return sum_.load(std::memory_order_relaxed); }
 
  private:
-  // The number of durations in bucket `index` of the axis: -1 for durations below its range, the axis's
-  // size for durations above.
+  // The number of durations in a bucket: -1 for durations below the first, their number for durations above the last.
   std::atomic<std::uint64_t>& cell(int index) noexcept { return cells_[static_cast<std::size_t>(index + 1)]; }
   std::uint64_t count_of(int index) const noexcept {
     return cells_[static_cast<std::size_t>(index + 1)].load(std::memory_order_relaxed);
@@ -48,6 +47,7 @@ class DurationHistogram {
 
   std::vector<std::atomic<std::uint64_t>> cells_;
   std::atomic<std::uint64_t> count_ = 0;
+  std::atomic<double> sum_ = 0;
   std::atomic<double> max_ = 0;
 };
 

@@ -2,8 +2,10 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <thread>
 #include <utility>
+#include <vector>
 
 namespace imud {
 namespace {
@@ -26,9 +28,10 @@ TEST(DurationHistogram, Percentiles) {
 // Percentiles are figures between the limits of buckets, not these or their middles.
 TEST(DurationHistogram, PercentilesAreInterpolated) {
   DurationHistogram histogram;
-  for (int i = 0; i < 100'000; ++i) histogram.add(1e-3 * (1 + 1e-6 * i));
+  constexpr double first = 0x1p-10;  // begins a bucket
+  for (int i = 0; i < 100'000; ++i) histogram.add(first * (1 + 1e-6 * i));
   for (const int percent : {1, 5, 25, 50, 63, 75, 95, 99}) {
-    const double expected = 1e-3 * (1 + 1e-3 * percent);
+    const double expected = first * (1 + 1e-3 * percent);
     EXPECT_NEAR(histogram.percentile(percent), expected, 2e-4 * expected) << percent;
   }
 }
@@ -40,6 +43,25 @@ TEST(DurationHistogram, ShorterThanTheFirstBucketIsZero) {
     histogram.add(1);
     EXPECT_NEAR(histogram.percentile(50), shown, 0.012 * shown) << duration;
   }
+}
+
+// Half of the widest bucket is 0.78 %.
+TEST(DurationHistogram, LimitsAreExactWithinHalfABucket) {
+  for (double limit = 2e-7; limit < 900; limit *= 1.0137) {
+    DurationHistogram histogram;
+    histogram.add(0.992 * limit);
+    histogram.add(1.008 * limit);
+    EXPECT_EQ(histogram.counts_up_to(std::array{limit}), std::vector<std::uint64_t>{1}) << limit;
+  }
+}
+
+TEST(DurationHistogram, TheSumIsExact) {
+  DurationHistogram histogram;
+  for (const double duration : {1e-9, 0.5, 2000.0}) histogram.add(duration);
+  const DurationHistogram before = histogram;
+  histogram.add(0.25);
+  EXPECT_EQ(histogram.sum(), 1e-9 + 0.5 + 2000.0 + 0.25);
+  EXPECT_EQ(histogram.since(before).sum(), 0.25);
 }
 
 TEST(DurationHistogram, SinceAnEarlierCopy) {
