@@ -64,8 +64,7 @@ void TruthClock::observe(TruthTime truth, HostTime arrival, HostTime now) noexce
   const Point point{seconds(truth - truth_origin_), seconds(arrival - host_origin_)};
   const double known_s = std::exchange(last_truth_s_, point.truth_s);
   step_s_ = step_s_ > 0 ? std::min(step_s_, point.truth_s - known_s) : point.truth_s - known_s;
-  add(point);
-  fit();
+  if (add(point) || count_ == 1) fit();
   add_need(point.host_s, known_s);
   lateness_s_ = std::max(0.0, point.host_s - (slope_ * point.truth_s + intercept_s_));
   offset_s_ = (slope_ - 1) * point.truth_s + intercept_s_;
@@ -154,13 +153,14 @@ TruthTime TruthClock::use(HostTime time) noexcept {
   return truth(time);
 }
 
-void TruthClock::add(const Point& arrival) noexcept {
+bool TruthClock::add(const Point& arrival) noexcept {
   const auto block = [](const Point& p) { return std::floor(p.host_s / block_s); };
   if (count_ > 0) {
     Point& newest = points_[(first_ + count_ - 1) % points_.size()];
     if (block(newest) == block(arrival)) {
-      if (arrival.host_s - newest.host_s < slope_ * (arrival.truth_s - newest.truth_s)) newest = arrival;
-      return;
+      const bool is_lower = arrival.host_s - newest.host_s < slope_ * (arrival.truth_s - newest.truth_s);
+      if (is_lower) newest = arrival;
+      return is_lower;
     }
   }
   if (count_ == points_.size()) {
@@ -173,6 +173,7 @@ void TruthClock::add(const Point& arrival) noexcept {
     first_ = (first_ + 1) % points_.size();
     --count_;
   }
+  return true;
 }
 
 void TruthClock::fit() noexcept {

@@ -80,7 +80,8 @@ class TruthClock {
     double truth_s = 0;  // since truth_origin_
     double host_s = 0;   // since host_origin_
   };
-  void add(const Point& arrival) noexcept;
+  // Returns false if the arrival changes none of points_.
+  bool add(const Point& arrival) noexcept;
   void fit() noexcept;
   // An arrival needs the delay that would have avoided extrapolation before it.
   void add_need(double host_s, double known_s) noexcept;
