@@ -181,25 +181,28 @@ std::optional<std::span<const std::byte>> Receiver::feed(const Identifier& ident
     if (slot->last_transfer_id == tail.transfer_id && now - slot->last_time < transfer_timeout) return std::nullopt;
     slot->begin = now;
   }
-  if (!slot->reception.feed(frame, type, errors_)) return std::nullopt;
+  const bool is_complete = slot->reception.feed(frame, type, errors_);
+  find_deadline();
+  if (!is_complete) return std::nullopt;
   slot->last_transfer_id = tail.transfer_id;
   slot->last_time = now;
   return slot->reception.payload();
 }
 
-std::optional<DeviceTime> Receiver::deadline() const noexcept {
-  std::optional<DeviceTime> first;
+void Receiver::find_deadline() noexcept {
+  deadline_.reset();
   for (const Slot& slot : slots_)
-    if (slot.reception.is_active()) first = earlier(first, slot.begin + transfer_timeout);
-  return first;
+    if (slot.reception.is_active()) deadline_ = earlier(deadline_, slot.begin + transfer_timeout);
 }
 
 void Receiver::poll(DeviceTime now) noexcept {
+  if (!deadline_ || now < *deadline_) return;
   for (Slot& slot : slots_) {
     if (!slot.reception.is_active() || now - slot.begin < transfer_timeout) continue;
     slot.reception.clear();
     ++timed_out_;
   }
+  find_deadline();
 }
 
 void Receiver::step_clock(Nanoseconds by) noexcept {
@@ -207,6 +210,7 @@ void Receiver::step_clock(Nanoseconds by) noexcept {
     slot.begin = slot.begin + by;
     slot.last_time = slot.last_time + by;
   }
+  find_deadline();
 }
 
 void Receiver::clear() noexcept {
@@ -215,6 +219,7 @@ void Receiver::clear() noexcept {
     slot.reception.clear();
     slot.last_transfer_id.reset();
   }
+  find_deadline();
 }
 
 }  // namespace imud::dronecan

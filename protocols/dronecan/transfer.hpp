@@ -108,7 +108,7 @@ class Receiver {
   std::optional<std::span<const std::byte>> feed(const Identifier& identifier, const DataType& type,
                                                  std::span<const std::byte> frame, DeviceTime now) noexcept;
   // As in Device.
-  std::optional<DeviceTime> deadline() const noexcept;
+  std::optional<DeviceTime> deadline() const noexcept { return deadline_; }
   void poll(DeviceTime now) noexcept;
   void step_clock(Nanoseconds by) noexcept;
   // Discards all transfers; the counters stay.
@@ -129,8 +129,11 @@ class Receiver {
   };
   // Returns the slot of a node and data type; if there is none, the first frame of a transfer gets one.
   Slot* slot_of(const Identifier& identifier, bool is_first) noexcept;
+  // Computes deadline_. Called after each change of a reception.
+  void find_deadline() noexcept;
 
   std::array<Slot, 16> slots_;
+  std::optional<DeviceTime> deadline_;
   std::uint64_t frames_ = 0;
   DecodeErrors errors_;
   std::uint64_t timed_out_ = 0;
