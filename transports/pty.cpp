@@ -77,7 +77,10 @@ class PtyDevice final : public Port {
     const ssize_t size =
         ::read(pty_.master(), buffer_.data(), state_ == PortState::wrong_speed ? little : buffer_.size());
     if (size <= 0) {
-      check_reader();
+      if (size < 0 && errno == EAGAIN)
+        has_reader();
+      else
+        check_reader();
       return std::nullopt;
     }
     const auto bytes = as_device_receives(std::span(buffer_).first(static_cast<std::size_t>(size)));
