@@ -116,8 +116,7 @@ class Channel {
   }
   // Lines::wait_until_sent().
   void wait_until_sent(const std::atomic<bool>& stop) noexcept {
-    lines.wait_until_sent(stop);
-    publish();
+    if (lines.wait_until_sent(stop)) publish();
   }
   // Returns when flush() or poll() has to be called next; nullopt if neither waits for a time.
   std::optional<HostTime> next_wake() const noexcept;

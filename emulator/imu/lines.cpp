@@ -128,9 +128,11 @@ void Lines::wait_for_room(DeviceLine& line, const std::atomic<bool>& stop) noexc
   line.had_room_at = line.passed;
 }
 
-void Lines::wait_until_sent(const std::atomic<bool>& stop) noexcept {
+bool Lines::wait_until_sent(const std::atomic<bool>& stop) noexcept {
+  if (never_waits()) return false;
   for (DeviceLine& line : all()) line.wait(false, stop);
   copies_.wait_until_sent(stop);
+  return true;
 }
 
 void Lines::discard_pending() noexcept {

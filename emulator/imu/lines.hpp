@@ -62,11 +62,13 @@ class Lines {
   // not pace; or until all frames are sent. If the reader or the bus accepts nothing for 2 s, the port is no longer
   // waited for until it has accepted all frames. Also returns when `stop` is set.
   void wait_for_room(const std::atomic<bool>& stop) noexcept {
+    if (never_waits()) return;
     for (DeviceLine& line : all())
       if (!line.is_file && line.had_room_at != line.passed) wait_for_room(line, stop);
     if (!copies_.empty()) copies_.wait_for_room(stop);
   }
-  void wait_until_sent(const std::atomic<bool>& stop) noexcept;
+  // Returns false if it never waits, because all ports are files.
+  bool wait_until_sent(const std::atomic<bool>& stop) noexcept;
   // Discards the frames that the ports still hold back; they count as dropped.
   void discard_pending() noexcept;
   // Port::commit() of all ports, even if one fails. Throws the first exception.
@@ -90,6 +92,7 @@ class Lines {
     const auto is_other = [&](const Frame& frame) { return frame.uart != frames.front().uart; };
     return static_cast<std::size_t>(std::ranges::find_if(frames, is_other) - frames.begin());
   }
+  bool never_waits() const noexcept { return are_files_ && copies_.empty(); }
   void look_at_ports() noexcept;
   static void wait_for_room(DeviceLine& line, const std::atomic<bool>& stop) noexcept;
   void send(DeviceLine& line, std::span<const Frame> frames, DeviceTime time, bool is_reply) noexcept;
