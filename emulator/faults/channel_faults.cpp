@@ -29,7 +29,7 @@ void ChannelFaults::begin_run() noexcept {
 void ChannelFaults::take(Sample& sample, Nanoseconds since_begin, std::optional<std::int64_t> utc_ns) noexcept {
   schedule_.take(sample, since_begin, utc_ns);
   apply(sample, since_begin);
-  expectations_.take(schedule_, seconds(since_begin));
+  if (!expectations_.empty()) expectations_.take(schedule_, seconds(since_begin));
 }
 
 void ChannelFaults::take_at_rest(Sample& sample, Nanoseconds since, std::optional<std::int64_t> utc_ns) noexcept {
@@ -47,6 +47,12 @@ void ChannelFaults::apply(Sample& sample, Nanoseconds since) noexcept {
     step = std::max(step - std::exchange(held_, Nanoseconds{0}), period_);
   }
   last_ = since;
+  const bool acted = std::exchange(acts_, schedule_.acts());
+  are_quiet_ = !acted && !acts_;
+  if (are_quiet_) {
+    if (may_act()) remember(sample);
+    return;
+  }
   sensors_.apply(schedule_.active(FaultSeam::sensor), schedule_.sample(), seconds(step), sample);
   messages_.take(schedule_.active(FaultSeam::message), schedule_.sample(), sample);
 }

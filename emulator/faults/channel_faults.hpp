@@ -24,6 +24,18 @@ class ChannelFaults {
                 std::uint16_t number, std::uint64_t seed, FaultLog& log, std::size_t most = 0);
 
   FaultSchedule& schedule() noexcept { return schedule_; }
+  // Adds a fault as FaultSchedule::add() does, after the sample `last`.
+  void add(const FaultConfig& fault, std::uint32_t number, const Sample& last) noexcept {
+    if (schedule_.empty()) remember(last);
+    schedule_.add(fault, number);
+  }
+  // Returns true if no fault acts on the last sample, or acted on the one before. Then the faults of the wire, of the
+  // power and of the messages are none, as before.
+  bool are_quiet() const noexcept { return are_quiet_; }
+  // Returns true if the frames of the last sample have to go through messages().
+  bool change_frames() const noexcept { return !are_quiet_ || messages_.holds_back(); }
+  // Returns true if a fault may act on the next sample, so that its time counts.
+  bool may_act() const noexcept { return !schedule_.empty(); }
   // The faults of the run that were there at its start.
   std::span<const FaultConfig> configured() const noexcept { return configured_; }
   void begin_run() noexcept;
@@ -60,6 +72,11 @@ class ChannelFaults {
 
  private:
   void apply(Sample& sample, Nanoseconds since) noexcept;
+  // Keeps the sample for faults that begin with the next one.
+  void remember(const Sample& sample) noexcept {
+    sensors_.remember(sample);
+    messages_.remember(sample);
+  }
 
   const std::span<const FaultConfig> configured_;
   Nanoseconds period_;
@@ -68,6 +85,8 @@ class ChannelFaults {
   SensorFaults sensors_;
   MessageFaults messages_;
   Expectations expectations_;
+  bool acts_ = false;  // a fault acts on the last sample
+  bool are_quiet_ = true;
   std::optional<Nanoseconds> last_;  // the time of the last sample of this run
   Nanoseconds held_{0};              // for how long samples have had that time
 };

@@ -192,6 +192,13 @@ void FaultSchedule::take_at_rest(const Sample& sample, Nanoseconds since,
 }
 
 void FaultSchedule::take(const Sample& sample, double time_s, std::optional<std::int64_t> utc_ns) noexcept {
+  if (states_.empty() && active_.empty()) {
+    counter_ = sample.counter;
+    device_time_ = sample.time;
+    time_s_ = time_s;
+    ++next_;
+    return;
+  }
   for (State& state : states_)
     if (state.is_active && is_over(state, next_, time_s)) end(state);  // the log's figures are of the last sample
   std::erase_if(states_, [](const State& state) {

@@ -27,6 +27,8 @@ class FaultSchedule {
   void set_rate(double rate_hz) noexcept { period_s_ = 1 / rate_hz; }
 
   bool empty() const noexcept { return states_.empty(); }
+  // Returns whether a fault acts on the sample.
+  bool acts() const noexcept { return !active_.empty(); }
   // Begins a run. Active faults end with the last sample of the old run. Configured faults begin again. Added faults
   // are removed; faults added before the first run go on in it.
   void begin_run() noexcept;

@@ -27,6 +27,8 @@ class MessageFaults {
   // Sets the rate of the samples from the next one on.
   void set_rate(double rate_hz) noexcept { rate_hz_ = rate_hz; }
 
+  // Keeps the counter of a sample on which no fault acts, for the next one.
+  void remember(const Sample& sample) noexcept { counter_ = sample.counter; }
   // Determines the changes to a sample and its frames. `k`: its number in its run.
   void take(std::span<const ActiveFault> faults, std::uint64_t k, const Sample& sample) noexcept;
   // Changes the counter and the status of that sample to the values that the device is to send.
@@ -38,6 +40,8 @@ class MessageFaults {
 
   // Changes the frames that the device has made of the sample at `time`: removes, repeats or withholds them.
   void shape(FrameBuffer& frames, DeviceTime time) noexcept;
+  // Returns true if frames are withheld.
+  bool holds_back() const noexcept { return has_next_; }
   // Returns when withheld frames are due; nullopt: there are none.
   std::optional<DeviceTime> next_release() const noexcept;
   // Returns the next withheld frame if it is due at `time`, until the next call; nothing otherwise.

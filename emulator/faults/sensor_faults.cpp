@@ -73,8 +73,7 @@ void SensorFaults::apply(std::span<const ActiveFault> faults, std::uint64_t k, d
       }
     }
   }
-  last_ = {sample.rate,     sample.specific_force, sample.magnetic_field,
-           sample.pressure, sample.temperature_c,  sample.navigation};
+  remember(sample);
 }
 
 void SensorFaults::apply_to_triad(const ActiveFault& fault, std::uint64_t k, double step_s, const Vector3& last,

@@ -24,6 +24,11 @@ class SensorFaults {
   // Exchanges the model of the sensor between two samples.
   void exchange_model(ImuModel& model) noexcept { std::swap(model_, model); }
 
+  // Keeps the output of a sample on which no fault acts, for the next one.
+  void remember(const Sample& sample) noexcept {
+    last_ = {sample.rate,     sample.specific_force, sample.magnetic_field,
+             sample.pressure, sample.temperature_c,  sample.fix()};
+  }
   // Changes a sample. `k`: its number in its run; `step_s`: since the sample before, 0 for the first of a run.
   void apply(std::span<const ActiveFault> faults, std::uint64_t k, double step_s, Sample& sample) noexcept;
 

@@ -66,7 +66,7 @@ void Channel::prepare(std::optional<TruthTime> truth, bool silent) noexcept {
   const SampleFeed* const feed = awaited.feed();
   Sample& sample = sensor.sample();
   prepared = {&sample, truth, silent, feed != nullptr && feed->wants(number, sample.counter)};
-  if (faults && ((sample.status & status::at_rest) == 0 || faults->acts_at_rest()))
+  if (faults && !(faults->are_quiet() && unit.is_steady()))
     set_faults(faults->active(FaultSeam::wire), faults->active(FaultSeam::power));
 }
 
@@ -76,8 +76,8 @@ void Channel::encode(const Outgoing& outgoing, bool skipped) noexcept {
   const DeviceTime time = sample.time;
   is_discarded_ = outgoing.is_silent || skipped;
   if (faults) {
-    faults->expectations().port_is(lines.all()[0].port->state());
-    unit.apply_clock_fault();
+    if (!faults->expectations().empty()) faults->expectations().port_is(lines.all()[0].port->state());
+    if (!faults->are_quiet()) unit.apply_clock_fault();
   }
   poll_until(time, skipped);
   if (unit.apply_power_faults()) {

@@ -130,7 +130,7 @@ class Channel {
   void count_rare_sample() noexcept;
   void poll_until(DeviceTime now, bool too_late) noexcept {
     const std::optional<DeviceTime> deadline = unit.deadline();
-    if (faults || (deadline && *deadline <= now)) poll_due(now, too_late);
+    if ((faults && faults->messages().holds_back()) || (deadline && *deadline <= now)) poll_due(now, too_late);
   }
   void poll_due(DeviceTime now, bool too_late) noexcept;
   void release_until(DeviceTime now, bool too_late) noexcept;

@@ -22,7 +22,7 @@ void Channel::execute(const Command& command, const FaultBook& book, HostTime no
       counters.is_paused.store(paused_, std::memory_order_relaxed);
       break;
     case Command::Kind::fault_begin:
-      if (faults && book[fault].acts_on(name)) faults->schedule().add(book[fault], fault);
+      if (faults && book[fault].acts_on(name)) faults->add(book[fault], fault, sensor.sample());
       break;
     case Command::Kind::fault_end:
       if (faults) faults->schedule().end(fault);

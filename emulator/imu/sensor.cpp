@@ -73,7 +73,8 @@ void Sensor::sense(const Timeline& timeline, TruthTime time, std::uint64_t k) no
 [[gnu::noinline]] void Sensor::take_errors(const Timeline& timeline, TruthTime time) noexcept {
   if (has_clock_errors_) take_clock_errors(oscillator_.follows_truth() ? timeline.temperature_c(time) : std::nullopt);
   if (std::exchange(has_leapt_, false)) sample_.status |= status::truth_extrapolated;
-  if (faults_ != nullptr) faults_->take(sample_, time - run_begin_, utc_ns_of(sample_.time));
+  if (faults_ != nullptr)
+    faults_->take(sample_, time - run_begin_, faults_->may_act() ? utc_ns_of(sample_.time) : std::nullopt);
 }
 
 void Sensor::sense_at_rest(Nanoseconds since_power_on, std::uint64_t k) noexcept {

@@ -69,7 +69,7 @@ void Unit::apply_clock_fault() noexcept {
 void Unit::take(Sample& sample, bool discarded) noexcept {
   frames_.clear();
   others_.clear();
-  if (faults_ != nullptr)
+  if (faults_ != nullptr && faults_->change_frames())
     take_faulty(sample, discarded);
   else if (is_on())
     device_->sample(sample, discarded ? others_ : frames_);

@@ -27,7 +27,6 @@ class Unit {
   void enable_faults(const ImuConfig& config, std::uint64_t seed);
 
   Device& device() noexcept { return *device_; }
-  const Device& device() const noexcept { return *device_; }
   // Stores the counts of the devices.
   void publish(ImuCounters& counters) const noexcept;
 
@@ -41,8 +40,11 @@ class Unit {
   // Sets the faults of the power of the next sample. Returns whether the sensor starts or goes off with it.
   enum class PowerChange : std::uint8_t { none, starts, goes_off };
   PowerChange set_power_faults(std::span<const ActiveFault> faults) noexcept;
+  // Returns true if the device is on at the last sample and at the next one, without a start: set_power_faults() and
+  // apply_power_faults() change nothing while no fault acts.
+  bool is_steady() const noexcept { return power_step_.is_on && next_power_step_.is_on && !next_power_step_.starts; }
   // Executes these at the sample's instant. Returns true if the device has to start.
-  bool apply_power_faults() noexcept { return power_faults_ && take_power_step(); }
+  bool apply_power_faults() noexcept { return !is_steady() && take_power_step(); }
 
   // --- Messages: the results are frames() or others(), until the next call ---
   // The clock of the device has been set by a step, or by a fault of the messages.

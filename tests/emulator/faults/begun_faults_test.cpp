@@ -1,0 +1,88 @@
+// Faults that are begun by control, where no fault acted before and none acts afterwards.
+#include <string>
+#include <vector>
+
+#include "emulator/config/scenario.hpp"
+#include "emulator/faults/channel_faults.hpp"
+#include "tests/emulator/run/realtime_test.hpp"
+
+namespace imud {
+namespace {
+
+using namespace std::chrono_literals;
+
+class BegunFaults : public RealtimeTest {
+ protected:
+  static FaultConfig read(const std::string& text, const std::vector<ImuConfig>& imus) {
+    std::vector<std::string> wrong;
+    FaultConfig fault = read_begun_fault(text, 0, imus, wrong);
+    EXPECT_EQ(wrong, std::vector<std::string>());
+    return fault;
+  }
+  // Returns the counters of the samples that left from 0.5 s to 0.95 s. The fault begins at 0.5 s, and lasts 0.2 s;
+  // the first truth comes at 1 s.
+  std::vector<std::uint64_t> left_at_rest(const std::string& fault) {
+    const Config all = config(200, "delay_ms = 20", "before_first = \"rest\"\n[control]\nfaults = true\n");
+    SimulatedRun run(all);
+    for (int k = 0; k <= 20; ++k) run.truth(1 + 0.01 * k, Swing::truth(at_s(0.01 * k)));
+    bool has_begun = false;
+    run.host().on_wait = [&] {
+      if (has_begun || run.host().now() < run.at(0.5)) return;
+      has_begun = true;
+      Engine& engine = run.engine();
+      const std::uint32_t number = engine.faults().add(read(fault + "for_s = 0.2\n", all.imus), fault);
+      engine.apply(Step::command({.kind = Command::Kind::fault_begin, .number = number}, HostTime{}));
+    };
+    run.run(1.1);
+    std::vector<std::uint64_t> counters;
+    for (const Left& one : run.left())
+      if (one.time >= run.at(0.5) && one.time < run.at(0.95)) counters.push_back(one.sample.counter);
+    return counters;
+  }
+};
+
+TEST_F(BegunFaults, AStuckValueIsTheLastOneBefore) {
+  const Config all = config(1000, "");
+  const FaultConfig stuck = read("target = \"gyro\"\nkind = \"stuck\"\nfor_samples = 3\n", all.imus);
+  const FaultConfig counter = read("target = \"message\"\nkind = \"counter_stuck\"\nfor_samples = 3\n", all.imus);
+  FaultLog log;
+  ChannelFaults faults({}, {}, all.imus[0], 0, 1, log, 4);
+  Sample sample;
+  const auto take = [&](std::uint64_t k) {
+    sample = {};
+    sample.counter = k;
+    sample.rate.setConstant(static_cast<double>(k));
+    faults.take(sample, static_cast<int>(k) * 1ms, std::nullopt);
+    Sample sent = sample;
+    faults.messages().forge(sent);
+    return std::pair(sent.rate.x(), sent.counter);
+  };
+  for (const std::uint64_t first : {5U, 20U}) {
+    for (std::uint64_t k = first - 5; k < first; ++k) {
+      EXPECT_EQ(take(k), std::pair(static_cast<double>(k), k));
+      EXPECT_TRUE(faults.are_quiet()) << k;
+    }
+    faults.add(stuck, first < 10 ? 0 : 2, sample);
+    faults.add(counter, first < 10 ? 1 : 3, sample);
+    for (std::uint64_t k = first; k < first + 3; ++k) {
+      EXPECT_EQ(take(k), std::pair(static_cast<double>(first - 1), first - 1)) << k;
+      EXPECT_FALSE(faults.are_quiet());
+    }
+    EXPECT_EQ(take(first + 3), std::pair(static_cast<double>(first + 3), first + 3));
+    EXPECT_FALSE(faults.are_quiet());
+  }
+}
+
+TEST_F(BegunFaults, APowerFailureAtRestEnds) {
+  const std::vector<std::uint64_t> left = left_at_rest("target = \"power\"\nkind = \"off\"\n");
+  ASSERT_NEAR(static_cast<double>(left.size()), 50, 2);  // of 90
+  EXPECT_EQ(left.back() - left.front() + 1, left.size());
+}
+
+TEST_F(BegunFaults, SilenceOfTheWireAtRestEnds) {
+  const std::vector<std::uint64_t> left = left_at_rest("target = \"wire\"\nkind = \"silence\"\n");
+  EXPECT_NEAR(static_cast<double>(left.size()), 50, 2);
+}
+
+}  // namespace
+}  // namespace imud
