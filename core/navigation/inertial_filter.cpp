@@ -7,7 +7,6 @@ namespace {
 
 using Covariance = InertialFilter::Covariance;
 using Rows = Eigen::Matrix<double, 3, InertialFilter::states>;
-constexpr int states = InertialFilter::states;
 
 Matrix3 cross_matrix(const Vector3& v) {
   Matrix3 m;

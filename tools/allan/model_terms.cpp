@@ -98,11 +98,11 @@ SampleNoise sample_noise(const TriadErrors& errors, const AllanTerms& terms, int
 std::optional<ImuModel> product_model(const std::string& model, const DecodeOptions& source) {
   const Protocol* protocol = find_protocol(source.protocol);
   if (protocol == nullptr || protocol->product == nullptr) return std::nullopt;
-  const auto quoted = [](const std::string& text) { return nlohmann::json(text).dump(); };
+  const auto in_json = [](const std::string& text) { return nlohmann::json(text).dump(); };
   const bool is_can = protocol->link == Link::can;
   std::string text =
       fmt::format("[truth]\nport = \"udp:127.0.0.1:9810\"\n[[imu]]\nprotocol = {}\nport = {}\nmodel = {}\n",
-                  in_quotes(source.protocol), in_quotes(standard_input_port(is_can, is_can)), in_quotes(model));
+                  in_json(source.protocol), in_json(standard_input_port(is_can, is_can)), in_json(model));
   const Settings settings = settings_from(protocol->settings, source.settings);
   for (const Setting& setting : protocol->settings) {
     const auto value =

@@ -139,7 +139,7 @@ TEST(InertialFilter, CovarianceStaysDefinite) {
 TEST(InertialFilter, ScaleErrorsAreNoiseInManoeuvres) {
   const InertialNoise noise = {.gyro_scale = 1e-3, .accelerometer_scale = 2e-3, .g_sensitivity = 1e-5};
   const auto variances = [&](double rate, double acceleration) {  // about z, along z, after a second
-    Filter filter(down, {}, noise);
+    Filter filter(flat_earth, {}, noise);
     filter.begin({}, Vector3::Zero(), Vector3::Zero(), Filter::Covariance::Zero());
     for (int k = 0; k < 50; ++k) filter.advance({0, 0, dt * rate}, {0, 0, dt * (acceleration - g)}, dt);
     return Vector2(filter.covariance()(2, 2), filter.covariance()(5, 5));
