@@ -39,6 +39,7 @@ Navigator::Navigator(const NavigatorModel& model, const ImuModel& imu)
 void Navigator::restart() noexcept {
   is_aligned_ = has_begun_ = false;
   held_s_ = 0;
+  truth_time_.reset();
   last_time_.reset();
   up_P_.reset();
   number_ = 0;
@@ -62,12 +63,11 @@ void Navigator::take(Sample& sample, TruthTime time, std::optional<double> earth
     origin_ = sample.receiver.origin;
     receiver_clock_ns_ = sample.receiver.gps_ns - start_gps_ns_ - (time - TruthTime{}).count();
   }
-  const bool is_held = (sample.status & status::truth_stale) != 0;
-  if (is_held)
-    held_s_ += dt;
-  else if (std::exchange(held_s_, 0.0) > longest_hold_s)
-    is_aligned_ = has_begun_ = false;
-  if (held_s_ <= longest_hold_s) at_ = {time, earth_angle};
+  const bool is_held = (sample.status & status::truth_stale) != 0 || (truth_time_ && time <= *truth_time_);
+  truth_time_ = time;
+  hold(is_held, time, dt);
+  if (held_s_ <= longest_hold_s)
+    at_ = {is_held && is_aligned_ ? std::max(time, at_.time + nanoseconds(dt)) : time, earth_angle};
   const At& at = at_;
   if (!is_aligned_ && !is_held) align(sample, at, dt);
   if (!is_aligned_) return write_aligning(sample, dt);
@@ -83,7 +83,21 @@ void Navigator::take(Sample& sample, TruthTime time, std::optional<double> earth
     if (heading_every_ > 0 && since % heading_every_ == 0) use_heading(sample, at);
   }
   ++number_;
-  write(sample, at);
+  if (write(sample, at)) return;
+  is_aligned_ = has_begun_ = false;  // the solution has left the Earth
+  write_aligning(sample, dt);
+}
+
+// While truth is late the filter's time runs on, and truth returns at about that time. If it returns at an earlier
+// time, the simulator stood still meanwhile, and the solution is one of another motion.
+void Navigator::hold(bool is_held, TruthTime time, double dt) noexcept {
+  if (is_held) {
+    held_s_ += dt;
+    return;
+  }
+  const double held_s = std::exchange(held_s_, 0.0);
+  const bool stood_still = held_s > 0 && at_.time + nanoseconds(dt) - time > nanoseconds(period_s_);
+  if (held_s > longest_hold_s || (is_aligned_ && stood_still)) is_aligned_ = has_begun_ = false;
 }
 
 // --- Alignment
@@ -96,8 +110,11 @@ void Navigator::align(const Sample& sample, const At& at, double dt) noexcept {
     return;
   }
   const PositionVelocity now = in_N(fix, at);
-  if (model_.alignment == NavigatorModel::Alignment::truth)
-    return begin_filter(now, sample, at, q_NL(now, fix) * sample.q_LP, {1e-6, 1e-6});
+  if (model_.alignment == NavigatorModel::Alignment::truth) {
+    PositionVelocity there = now;  // the attitude is not late
+    there.time = at.time;
+    return begin_filter(now, sample, at, q_NL(there, fix) * sample.q_LP, {1e-6, 1e-6});
+  }
   if (!has_begun_) {
     alignment_.begin();
     first_v_N_.reset();
@@ -167,6 +184,7 @@ void Navigator::begin_filter(const PositionVelocity& now, const Sample& sample, 
   filter_.begin({q_NP, now.v_N + change, now.r_N + age_s * (now.v_N + 0.5 * change)}, Vector3::Zero(),
                 Vector3::Zero(), P);
   is_aligned_ = true;
+  up_P_.reset();
   aligned_at_ = number_;
   since_fix_s_ = 0;
   is_rejecting_ = false;
@@ -286,11 +304,12 @@ void Navigator::write_aligning(Sample& sample, double dt) noexcept {
   sample.q_LP = is_level ? rotation_of_pairs(-Vector3::UnitZ(), Vector3::UnitX(), up, ahead) : Quaternion::Identity();
   sample.navigation = {};
   sample.solution = {.state = Solution::State::aligning};
+  sample.solution.attitude.setConstant(static_cast<float>(units::pi));  // anything, as far as is known
 }
 
-void Navigator::write(Sample& sample, const At& at) const noexcept {
+bool Navigator::write(Sample& sample, const At& at) const noexcept {
   sample.navigation = place(at);
-  if (!sample.navigation.is_known) return;
+  if (!sample.navigation.is_known) return false;
   const Quaternion q_LN = earth_.q_LN(position_of(at), sample.navigation);
   sample.navigation.gps_ns += receiver_clock_ns_;
   sample.navigation.origin = origin_;
@@ -311,6 +330,7 @@ void Navigator::write(Sample& sample, const At& at) const noexcept {
   sample.solution.position = sigma(InertialFilter::position).cast<float>();
   sample.solution.gyro_bias = filter_.gyro_bias_P().cast<float>();
   sample.solution.accelerometer_bias = filter_.accelerometer_bias_P().cast<float>();
+  return true;
 }
 
 }  // namespace imud

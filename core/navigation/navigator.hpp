@@ -19,7 +19,7 @@ void tune(NavigatorModel& navigator, const ImuModel& imu) noexcept;
 // Replaces the attitude and the place of each sample by the filter's solution. Until the alignment is complete there
 // is no place, and the attitude is by gravity and the magnetic field alone. Without a receiver's fix the solution
 // coasts; the time runs on. Where motion is held because truth has stopped, the solution coasts for a second and is
-// held then; when truth returns it aligns again.
+// held then; when truth returns it aligns again, and also where the simulator has stood still for less.
 //
 // Nothing here allocates after construction, locks or throws; not thread-safe.
 class Navigator {
@@ -64,7 +64,9 @@ class Navigator {
   bool use(const InertialFilter::Measurement& measurement) noexcept;
   double step(const Sample& sample) noexcept;
   void write_aligning(Sample& sample, double dt) noexcept;
-  void write(Sample& sample, const At& at) const noexcept;
+  // Returns false if the place is none on the Earth.
+  bool write(Sample& sample, const At& at) const noexcept;
+  void hold(bool is_held, TruthTime time, double dt) noexcept;
   Quaternion q_NL(const PositionVelocity& position, const Navigation& place) const noexcept;
   PositionVelocity in_N(const Navigation& fix, const At& at) const noexcept;
   PositionVelocity position_of(const At& at) const noexcept;
@@ -96,7 +98,8 @@ class Navigator {
   std::uint64_t number_ = 0;  // of the next sample since restart()
   std::uint64_t aligned_at_ = 0;
   std::optional<DeviceTime> last_time_;
-  std::optional<Vector3> up_P_;  // m/s^2, the mean specific force of the last time, before the alignment
+  std::optional<TruthTime> truth_time_;  // of the last sample
+  std::optional<Vector3> up_P_;          // m/s^2, the mean specific force of the last time, before the alignment
   double since_fix_s_ = 0, held_s_ = 0;
   double rejecting_s_ = 0;  // since the first of the rejections after the last fix that was used
   bool is_rejecting_ = false;

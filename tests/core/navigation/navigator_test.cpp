@@ -68,10 +68,13 @@ struct Errors {
   Vector3 attitude, velocity, position;
 };
 
+Nanoseconds in_time(Nanoseconds time) { return time; }
+
 // Runs the unit through turns, and calls `look` with each sample's solution, its errors and the time, s. `disturb`
-// changes each sample before the navigator has it.
+// changes each sample before the navigator has it; `simulated` is the simulator's time at a time of the unit.
 void fly(const NavigatingUnit& model, double seconds_long, const std::function<void(Sample&, double)>& disturb,
-         const std::function<void(const Sample&, const Errors&, double)>& look, std::uint64_t seed = 1) {
+         const std::function<void(const Sample&, const Errors&, double)>& look, std::uint64_t seed = 1,
+         Nanoseconds (*simulated)(Nanoseconds) = in_time) {
   Timeline timeline;
   ImuModel without = model;
   without.navigation = {};
@@ -81,8 +84,8 @@ void fly(const NavigatingUnit& model, double seconds_long, const std::function<v
   const Grid grid(model.rate_hz), truths(100);
   std::uint64_t pushed = 0;
   for (std::uint64_t k = 0; grid.offset(k) <= nanoseconds(seconds_long); ++k) {
-    const TruthTime time = TruthTime{} + grid.offset(k);
-    for (; truths.offset(pushed) <= grid.offset(k); ++pushed)
+    const TruthTime time = TruthTime{} + simulated(grid.offset(k));
+    for (; truths.offset(pushed) <= simulated(grid.offset(k)); ++pushed)
       ASSERT_NE(timeline.push(turn_at(TruthTime{} + truths.offset(pushed))), Admission::duplicate);
     Sample sample = imu.sample(timeline, time, DeviceTime{grid.offset(k).count()});
     const Sample truth = reference.sample(timeline, time, sample.time);
@@ -292,6 +295,43 @@ TEST(Navigator, HoldsWithTheTruth) {
   });
   EXPECT_TRUE(held);
   EXPECT_NEAR(aligning, 50, 1);
+}
+
+// The simulator stands still for half a second: the unit has gone on by 10 m meanwhile, which no fix would allow for
+// ten seconds. It aligns again.
+TEST(Navigator, AlignsAfterAPauseOfTheSimulator) {
+  const auto simulated = [](Nanoseconds time) -> Nanoseconds {
+    const Nanoseconds begin = std::chrono::seconds(30), pause = std::chrono::milliseconds(500);
+    return time < begin ? time : std::max(begin, time - pause);
+  };
+  int aligning = 0, judged = 0;
+  const auto look = [&](const Sample& sample, const Errors& errors, double t) {
+    if (t > 2 && sample.solution.state == State::aligning) ++aligning;
+    if (t < 32 || t > 39) return;
+    ++judged;
+    EXPECT_LT(errors.position.norm(), 6) << t;
+  };
+  fly(mems_unit(), 40, nullptr, look, 1, simulated);
+  EXPECT_NEAR(aligning, 50, 1);
+  EXPECT_EQ(judged, 351);
+}
+
+// A solution that has left the Earth is none, and the true attitude does not take its place.
+TEST(Navigator, NoTruthShowsWhereTheSolutionIsLost) {
+  const auto fall = [](Sample& sample, double t) {
+    if (t < 5) return;
+    lose_fix(sample);
+    sample.delta_velocity.z() += 4000;  // m/s in each step
+  };
+  int lost = 0;
+  fly(mems_unit(), 10, fall, [&](const Sample& sample, const Errors&, double t) {
+    if (t < 8) return;
+    EXPECT_EQ(sample.solution.state, State::aligning);
+    EXPECT_FALSE(sample.fix().is_known);
+    EXPECT_GT(sample.solution.attitude.x(), 3);
+    ++lost;
+  });
+  EXPECT_EQ(lost, 101);
 }
 
 // Without a magnetic field the first heading is the course, and the turn makes it observable.
