@@ -63,6 +63,12 @@ void Channel::set_faults(std::span<const ActiveFault> wire, std::span<const Acti
 }
 
 void Channel::prepare(std::optional<TruthTime> truth, bool silent) noexcept {
+  if (const Navigator* navigator = sensor.navigator()) {
+    counters.fixes_used.store(navigator->fixes().used, std::memory_order_relaxed);
+    counters.fixes_rejected.store(navigator->fixes().rejected, std::memory_order_relaxed);
+    counters.headings_used.store(navigator->headings().used, std::memory_order_relaxed);
+    counters.headings_rejected.store(navigator->headings().rejected, std::memory_order_relaxed);
+  }
   const SampleFeed* const feed = awaited.feed();
   Sample& sample = sensor.sample();
   prepared = {&sample, truth, silent, feed != nullptr && feed->wants(number, sample.counter)};
@@ -165,12 +171,6 @@ void Channel::publish() noexcept {
   unpublished_ = 0;
   unit.publish(counters);
   if (sync) counters.edges_refused.store(sync->refused(), std::memory_order_relaxed);
-  if (const Navigator* navigator = sensor.navigator()) {
-    counters.fixes_used.store(navigator->fixes().used, std::memory_order_relaxed);
-    counters.fixes_rejected.store(navigator->fixes().rejected, std::memory_order_relaxed);
-    counters.headings_used.store(navigator->headings().used, std::memory_order_relaxed);
-    counters.headings_rejected.store(navigator->headings().rejected, std::memory_order_relaxed);
-  }
   lines.publish(counters, faults ? faults->messages().lost() : 0);
 }
 
