@@ -77,8 +77,8 @@ void Unit::take(Sample& sample, bool discarded) noexcept {
 
 void Unit::take_faulty(Sample& sample, bool discarded) noexcept {
   const DeviceTime time = sample.time;
+  if (other_units_ != nullptr) other_units_->select(faults_->messages().other_unit());
   if (is_on()) {
-    if (other_units_ != nullptr) other_units_->select(faults_->messages().other_unit());
     const std::uint64_t counter = sample.counter;
     const std::uint32_t status = sample.status;
     sample.time = time + clock_offset_;
