@@ -125,10 +125,8 @@ double time_of_week(const Reading& r) noexcept {
 double gps_time(const Reading& r) noexcept { return 1e-9 * static_cast<double>(r.sample.navigation.gps_ns); }
 double gps_week(const Reading& r) noexcept { return static_cast<double>(r.sample.navigation.gps_ns / gps_week_ns); }
 
-double fix(const Reading& r) noexcept { return r.sample.navigation.is_known ? 1 : 0; }
-double satellites(const Reading& r) noexcept {
-  return r.sample.navigation.is_known ? r.sample.navigation.satellites : 0;
-}
+double fix(const Reading& r) noexcept { return r.sample.fix().is_known ? 1 : 0; }
+double satellites(const Reading& r) noexcept { return r.sample.fix().is_known ? r.sample.fix().satellites : 0; }
 
 template <Eigen::Vector3f Solution::*Member, int Axis>
 double deviation(const Reading& reading) noexcept {

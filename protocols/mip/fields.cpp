@@ -106,18 +106,18 @@ void Fields::sent(std::uint8_t set, std::uint8_t descriptor) noexcept {
 }
 
 std::int64_t Fields::true_gps_ns(DeviceTime at) const noexcept {
-  return is_known() ? sample_.navigation.gps_ns + (at - sample_.time).count() : 0;
+  return knows_time() ? timed().gps_ns + (at - sample_.time).count() : 0;
 }
 std::int64_t Fields::gps_ns(DeviceTime at) const noexcept {
   if (memory_.gps_update().count > 0) return at.ns + memory_.gps_update().offset_ns;
-  return is_known() ? true_gps_ns(at) : at.ns;
+  return knows_time() ? true_gps_ns(at) : at.ns;
 }
 bool Fields::has_pulse(DeviceTime at) const noexcept {
   constexpr Nanoseconds longest_period = std::chrono::milliseconds(1100);
   switch (memory_.pulse_source()) {
     case PulseSource::receiver_1:
     case PulseSource::receiver_2:
-      return is_known();
+      return knows_time();
     case PulseSource::gpio:
       return memory_.pulses().last && at - *memory_.pulses().last <= longest_period;
     default:
@@ -127,11 +127,12 @@ bool Fields::has_pulse(DeviceTime at) const noexcept {
 
 std::optional<std::int64_t> Fields::seconds_clock(PulseSource source, DeviceTime at) const noexcept {
   if (source == PulseSource::generated) return since_start(at).count();
-  if ((source == PulseSource::receiver_1 || source == PulseSource::receiver_2) && is_known()) return true_gps_ns(at);
+  if ((source == PulseSource::receiver_1 || source == PulseSource::receiver_2) && knows_time())
+    return true_gps_ns(at);
   return std::nullopt;
 }
-bool Fields::has_week() const noexcept { return is_known() || memory_.gps_update().has_week; }
-bool Fields::has_time_of_week() const noexcept { return is_known() || memory_.gps_update().has_time_of_week; }
+bool Fields::has_week() const noexcept { return knows_time() || memory_.gps_update().has_week; }
+bool Fields::has_time_of_week() const noexcept { return knows_time() || memory_.gps_update().has_time_of_week; }
 
 void Fields::poll(Packet& packet, std::uint8_t set, std::uint8_t descriptor, DeviceTime now,
                   std::uint8_t event) const noexcept {

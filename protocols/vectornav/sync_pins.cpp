@@ -36,12 +36,12 @@ void SyncPins::trigger_out(const SyncControl& control, DeviceTime time) noexcept
 
 bool SyncPins::sample(const SyncControl& control, PulseSource source, const Sample& sample) noexcept {
   using Out = SyncControl::Out;
-  has_fix_ = sample.navigation.is_known && source != PulseSource::none;
+  has_fix_ = sample.fix().is_known && source != PulseSource::none;
   if (source == PulseSource::receiver && has_fix_) {
     constexpr std::int64_t second_ns = 1'000'000'000;
-    const std::int64_t second = sample.navigation.gps_ns / second_ns;
+    const std::int64_t second = sample.fix().gps_ns / second_ns;
     if (std::exchange(gnss_second_, second).value_or(second) != second) {
-      const Nanoseconds age{sample.navigation.gps_ns - second * second_ns};
+      const Nanoseconds age{sample.fix().gps_ns - second * second_ns};
       // A second that began earlier than the last interval is due to a step of GPS time, without a pulse. Twice the
       // interval allows for the error of the sensor's clock relative to GPS time.
       if (last_sample_ && age < 2 * (sample.time - *last_sample_))
