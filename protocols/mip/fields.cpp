@@ -35,20 +35,19 @@ bool fits_a_packet(const Model& model, const Stream& stream) noexcept {
 
 void Fields::set_sample(const Sample& sample) noexcept {
   const Configuration& c = memory_.active();
-  const bool is_turned = !c.q_PV.vec().isZero(0.0);
-  const auto in_vehicle = [&](const Vector3& v_P) { return is_turned ? c.q_PV.conjugate() * v_P : v_P; };
+  const Quaternion q_VP = c.q_PV.conjugate();
   if (!has_sampled_) {
     has_sampled_ = true;
     since_ = {};
     restarted_.reset();
   }
   sample_ = sample;
-  sample_.rate = in_vehicle(sample.rate - c.gyro_bias);
-  sample_.specific_force = in_vehicle(sample.specific_force - c.accelerometer_bias);
-  sample_.magnetic_field = in_vehicle(sample.magnetic_field);
+  sample_.rate = q_VP * (sample.rate - c.gyro_bias);
+  sample_.specific_force = q_VP * (sample.specific_force - c.accelerometer_bias);
+  sample_.magnetic_field = q_VP * sample.magnetic_field;
   sample_.q_LP = sample.q_LP * c.q_PV;
-  sample_.delta_angle = in_vehicle(sample.delta_angle - c.gyro_bias / internal_hz);
-  sample_.delta_velocity = in_vehicle(sample.delta_velocity - c.accelerometer_bias / internal_hz);
+  sample_.delta_angle = q_VP * (sample.delta_angle - c.gyro_bias / internal_hz);
+  sample_.delta_velocity = q_VP * (sample.delta_velocity - c.accelerometer_bias / internal_hz);
   if (!filter_began_ && has_pulse(sample.time)) filter_began_ = sample.time;
   Since& since = since_[slot_of(sensor)];  // no other set has increments
   since.delta_angle += sample_.delta_angle;
