@@ -4,13 +4,15 @@
 //   run_hashes CAPTURE.pcap HASHES
 //
 // A line of HASHES is a 64-bit FNV-1a hash, the number of frames, a protocol and its settings (key=value ...). The
-// exit code is 1 if a line is wrong; the correct lines go to standard output.
+// exit code is 1 if a line is wrong; the correct lines go to standard output. With the setting solution=filter the
+// unit computes its own solution.
 #include <cstring>
 #include <fstream>
 #include <iomanip>
 #include <iostream>
 #include <iterator>
 #include <memory>
+#include <optional>
 #include <set>
 #include <sstream>
 #include <stdexcept>
@@ -21,6 +23,7 @@
 #include "core/attitude.hpp"
 #include "core/gps_time.hpp"
 #include "core/imu.hpp"
+#include "core/navigation/navigator.hpp"
 #include "core/timeline.hpp"
 #include "core/units.hpp"
 #include "protocols/protocol.hpp"
@@ -105,14 +108,38 @@ ImuModel every_effect() {
   return model;
 }
 
+// A unit with the noise of a MEMS sensor, whose receiver has errors, too.
+ImuModel navigating(double rate_hz) {
+  ImuModel model;
+  model.rate_hz = rate_hz;
+  model.gyro.white_density = Vector3::Constant(1e-4);
+  model.gyro.turn_on_bias = Vector3::Constant(1e-3);
+  model.accelerometer.white_density = Vector3::Constant(1e-3);
+  model.magnetometer = TriadErrors::white(1e-8, rate_hz, 1e-3);
+  model.navigation.latency = std::chrono::milliseconds(40);
+  model.navigation.position_noise = Vector3(1, 1, 2);
+  model.navigation.velocity_noise = Vector3::Constant(0.05);
+  model.earth = every_effect().earth;
+  return model;
+}
+
 // The frames that `device` sends during the flight.
 class Run {
  public:
-  Run(Device& device, double rate_hz, Link link) : device_(device), grid_(rate_hz), is_can_(link == Link::can) {}
+  Run(Device& device, double rate_hz, Link link, bool has_filter)
+      : device_(device),
+        grid_(rate_hz),
+        is_can_(link == Link::can),
+        model_(has_filter ? navigating(rate_hz) : every_effect()) {
+    if (!has_filter) return;
+    NavigatorModel navigator;
+    tune(navigator, model_);
+    navigator_.emplace(navigator, model_);
+  }
 
   void over(const std::vector<Truth>& flight) {
     Timeline timeline;
-    Imu imu(every_effect(), 20261120, stream_id("every-effect"));
+    Imu imu(model_, 20261120, stream_id("every-effect"));
     for (const Truth& truth : flight) {
       const Admission admission = timeline.push(truth);
       if (admission != Admission::accepted && admission != Admission::new_run)
@@ -123,7 +150,8 @@ class Run {
         if (imu.next() == 0) device_.step_clock(now - DeviceTime{});  // power comes on at sample 0
         for (auto due = device_.deadline(); due && *due <= now; due = device_.deadline())
           add([&] { device_.poll(*due, *frames_); });
-        const Sample sample = imu.sample(timeline, instant, now);
+        Sample sample = imu.sample(timeline, instant, now);
+        if (navigator_) navigator_->take(sample, instant, std::nullopt);
         add([&] { device_.sample(sample, *frames_); });
       }
     }
@@ -147,6 +175,8 @@ class Run {
   Device& device_;
   Grid grid_;
   bool is_can_;
+  ImuModel model_;
+  std::optional<Navigator> navigator_;
   std::unique_ptr<FrameBuffer> frames_ = std::make_unique<FrameBuffer>();
   Hash hash_;
   std::size_t count_ = 0;
@@ -169,12 +199,18 @@ std::string right_line(const std::string& line, const std::vector<Truth>& flight
   words >> hash >> frames >> name;
   Settings settings(protocol->settings);
   std::ostringstream right;
+  bool has_filter = false;
   for (std::string setting; words >> setting; right << ' ' << setting) {
+    if (setting == "solution=filter") {
+      has_filter = true;
+      continue;
+    }
     const std::size_t equals = setting.find('=');
     settings.set_text(setting.substr(0, equals), setting.substr(equals + 1));
   }
   const std::unique_ptr<Device> device = protocol->make(settings);
-  Run run(*device, protocol->product != nullptr ? protocol->product(settings).rate_hz : 200, protocol->link);
+  Run run(*device, protocol->product != nullptr ? protocol->product(settings).rate_hz : 200, protocol->link,
+          has_filter);
   run.over(flight);
   std::ostringstream begin;
   begin << std::hex << std::setfill('0') << std::setw(16) << run.hash() << std::dec << ' ' << run.frames() << ' '
