@@ -90,7 +90,7 @@ class Arrays(RunTest):
             (["--npy", file], "is the input; give another file"),
             (["--npy", self.folder / "no" / "a.npy"], "No such file or directory"),
             (["--hdf5", self.folder / "no" / "a.h5"], "no/a.h5: cannot write it"),
-            (["--npy", self.folder / "a", "--hdf5", self.folder / "a"], "is the file of --npy; give another file"),
+            (["--npy", self.folder / "a", "--hdf5", self.folder / "a"], "is the file of --hdf5; give another file"),
             (["--config", config], "--config: is for the attributes of --hdf5"),
         ]:
             _, errors = run("imu-decode", "native", f"file:{file}", *arguments, exit_code=2)

@@ -82,7 +82,7 @@ class UlogFiles(RunTest):
         _, _, errors = self.decode("csv", "-", stdin=HEADER + "-1,,1,2,3,,,,,,,,,,,\n", exit_code=1)
         self.assertIn("1 of 1 measurements are before time 0", errors)
         _, errors = run("imu-decode", "csv", "-", "--rate-hz", 400, stdin=rows, exit_code=2)
-        self.assertIn("--rate-hz: is for --ulog and --mcap, of which none is given", errors)
+        self.assertIn("--rate-hz: is for --mcap and --ulog, of which none is given", errors)
 
     def test_a_long_configuration_is_whole(self):
         names = [f"name = 'imu{i}'\n" + IDEAL.format(protocol="native", file=self.folder / f"imu{i}.bin")
