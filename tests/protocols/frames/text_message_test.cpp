@@ -98,10 +98,10 @@ TEST(TextMessage, AnglesAndTimesOfDay) {
                   .attitude = {0.001F, 0.002F, 0.004F},
                   .velocity = {0.25F, 0.5F, 1.0F},
                   .position = {2.0F, 4.0F, 8.0F}};
-  EXPECT_EQ(written("{navigation_state:d} {fix_age_s:.1f} {attitude_sigma_down_mrad:.1f} "
-                    "{velocity_sigma_east_m_per_s:.1f} {position_sigma_north_m:.1f}\\n",
+  EXPECT_EQ(written("{navigation_state:d},{fix_age_s:.1f},{attitude_sigma_down_mrad:.1f},"
+                    "{velocity_sigma_east_m_per_s:.1f},{position_sigma_north_m:.1f}\\n",
                     own),
-            "2 2.5 4.0 0.5 2.0\n");
+            "2,2.5,4.0,0.5,2.0\n");
   Sample sample = text_sample();
   sample.navigation.gps_ns += 28'800'000'000'000 - 250'000'001;  // the last nanosecond of the day
   EXPECT_EQ(written("{time_of_day_s:hhmmss.ss}\\n", sample), "000000.00\n");
