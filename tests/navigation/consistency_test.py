@@ -87,7 +87,7 @@ def run(program, flight, seeds, worse, random):
     head = np.concatenate([[kind, *flight.noise, dt, seeds, steps, steps_of_aid, steps_of_epoch, flight.attitude_rows],
                            np.full(3, flight.position), np.full(3, flight.velocity), [flight.attitude]])
     sent = head.tobytes() + np.concatenate([begin, rows], axis=-1).tobytes()
-    output = subprocess.run([program], input=sent, check=True, timeout=300, stdout=subprocess.PIPE).stdout
+    output = subprocess.run([program], input=sent, check=True, timeout=1500, stdout=subprocess.PIPE).stdout
 
     of_state, of_aid = 16 + STATES**2, 16 + STATES**2 + 9 + 3
     per_epoch = steps_of_epoch // steps_of_aid

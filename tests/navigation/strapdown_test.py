@@ -122,7 +122,7 @@ def run(imud, folder):
         f'device.frame_file = "{folder}/doubles.toml"\n'
         '[imu.gyro]\nmax_rad_per_s = 10\n[imu.accelerometer]\nmax_m_per_s2 = 100\n'
         '[imu.navigation]\nsolution = "filter"\nalignment = "truth"\ngnss_rate_hz = 0\nmagnetic_rate_hz = 0\n')
-    subprocess.run([imud, "run", folder / "config.toml"], check=True, timeout=300, stdout=subprocess.DEVNULL)
+    subprocess.run([imud, "run", folder / "config.toml"], check=True, timeout=1500, stdout=subprocess.DEVNULL)
     size = 4 + 8 * len(FIELDS)
     data = (folder / "sent").read_bytes()
     assert len(data) == size * (SECONDS * RATE + 1), len(data)
