@@ -79,7 +79,7 @@ TEST(EveryError, TheFileHasEachKeyOfTheErrors) {
     for (const std::string table : {"", ".unit_sigma", ".turn_on_sigma"}) check(triad + table, no_errors);
   for (const std::string table : {"temperature", "vibration", "mounting", "barometer", "clock"})
     check(table, {"model"});
-  // The filter's keys: what it computes is no error that is given.
+  // The keys of the unit's own filter give no errors.
   check("navigation", {"solution", "alignment", "alignment_s", "gnss", "magnetic", "accept"});
   EXPECT_GT(given, 250U);
   EXPECT_GT(others, 150U);
