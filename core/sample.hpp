@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 
 #include "core/time.hpp"
 #include "core/vector.hpp"
@@ -41,23 +42,36 @@ struct Navigation {
   Geodetic origin = {};
 };
 
+// The bits of Solution::used and rejected.
+namespace aid {
+inline constexpr std::uint16_t position = 1U << 0, velocity = 1U << 1;  // the receiver's
+inline constexpr std::uint16_t magnetic_heading = 1U << 2;
+inline constexpr std::uint16_t antennas_heading = 1U << 3;  // by two antennas
+inline constexpr std::uint16_t pressure = 1U << 4;          // the barometer's height
+inline constexpr std::uint16_t zero_velocity = 1U << 5;
+inline constexpr std::uint16_t gravity = 1U << 6;  // the direction of the specific force
+}  // namespace aid
+
 // The navigation solution of a unit that computes its own (navigation/navigator.hpp).
 struct Solution {
   enum class State : std::uint8_t {
-    truth,     // attitude and place are the truth's, with the errors of NavigationErrors
     aligning,  // the attitude is by gravity and the magnetic field; there is no place
     coasting,  // attitude and place are the filter's, without a fix of the receiver
     aided,     // they are the filter's, with fixes
+    levelled,  // the attitude is the filter's, which has no place: an attitude and heading reference
   };
-  State state = State::truth;
+  State state = State::aligning;
+  // Bits of namespace aid: of each aid, whether it was used or rejected when it was due last; neither if it was
+  // missing.
+  std::uint16_t used = 0, rejected = 0;
   float since_fix_s = 0;  // since the last fix that was used
   // Standard deviations by the filter's covariance, of rotations about north, east, down, rad; m/s; m.
   Eigen::Vector3f attitude = Eigen::Vector3f::Zero(), velocity = Eigen::Vector3f::Zero(),
                   position = Eigen::Vector3f::Zero();
-  // The filter's estimates of the biases, rad/s and m/s^2, in platform axes.
-  Eigen::Vector3f gyro_bias = Eigen::Vector3f::Zero(), accelerometer_bias = Eigen::Vector3f::Zero();
-
-  bool is_filter() const noexcept { return state != State::truth; }
+  // The filter's estimates of the biases, rad/s and m/s^2, in platform axes, and their standard deviations.
+  Eigen::Vector3f gyro_bias = Eigen::Vector3f::Zero(), accelerometer_bias = Eigen::Vector3f::Zero(),
+                  gyro_bias_sigma = Eigen::Vector3f::Zero(), accelerometer_bias_sigma = Eigen::Vector3f::Zero();
+  Navigation receiver = {};  // the receiver's fix; Sample::navigation is the filter's place
 };
 
 // One output of the sensor.
@@ -65,7 +79,9 @@ struct Sample {
   // The time that a product reports with the sample.
   DeviceTime stamp() const noexcept { return time + Nanoseconds{stamp_error_ns}; }
   // The fix of the unit's receiver.
-  const Navigation& fix() const noexcept { return solution.is_filter() ? receiver : navigation; }
+  const Navigation& fix() const noexcept { return solution ? solution->receiver : navigation; }
+  // The place that has the GPS time: while a filter has none, the receiver's.
+  const Navigation& timed() const noexcept { return navigation.is_known ? navigation : fix(); }
 
   DeviceTime time;                           // the device's own time at the end of the step
   std::uint64_t counter = 0;                 // 0 for the first sample after start, one more with each
@@ -78,9 +94,8 @@ struct Sample {
   // quaternion: v_L = q_LP * v_P; the true one, unless it is a filter's solution. Where the relation of N to the
   // Earth is unknown (EarthModel::Frame::none), N is taken as L.
   Quaternion q_LP = Quaternion::Identity();
-  Navigation navigation;  // the sensor's point S
-  Solution solution;      // how q_LP and navigation came about
-  Navigation receiver;    // the receiver's fix, of which navigation is a filter's solution; only if that is so
+  Navigation navigation;                     // the sensor's point S
+  std::optional<Solution> solution;          // nullopt: q_LP and navigation are the truth's, with NavigationErrors
   Vector3 magnetic_field = Vector3::Zero();  // T; 0 where the place is unknown
   double pressure = 0;                       // Pa; 0 if unknown
   std::uint32_t status = 0;                  // bits of namespace status

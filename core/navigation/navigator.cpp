@@ -52,16 +52,16 @@ double Navigator::step(const Sample& sample) noexcept {
 }
 
 void Navigator::take_at_rest(Sample& sample) noexcept {
-  sample.receiver = sample.navigation;
+  sample.solution.emplace().receiver = sample.navigation;
   write_aligning(sample, step(sample));
 }
 
 void Navigator::take(Sample& sample, TruthTime time, std::optional<double> earth_angle) noexcept {
   const double dt = step(sample);
-  sample.receiver = sample.navigation;
-  if (sample.receiver.is_known) {
-    origin_ = sample.receiver.origin;
-    receiver_clock_ns_ = sample.receiver.gps_ns - start_gps_ns_ - (time - TruthTime{}).count();
+  const Navigation& fix = sample.solution.emplace().receiver = sample.navigation;
+  if (fix.is_known) {
+    origin_ = fix.origin;
+    receiver_clock_ns_ = fix.gps_ns - start_gps_ns_ - (time - TruthTime{}).count();
   }
   const bool is_held = (sample.status & status::truth_stale) != 0 || (truth_time_ && time <= *truth_time_);
   truth_time_ = time;
@@ -79,8 +79,14 @@ void Navigator::take(Sample& sample, TruthTime time, std::optional<double> earth
   past_[number_ % past_.size()] = {filter_.motion().v_N - corrections_.v_N, filter_.motion().r_N - corrections_.r_N};
   const std::uint64_t since = number_ - aligned_at_;
   if (!is_held && since > 0) {
-    if (fix_every_ > 0 && since % fix_every_ == 0) use_fix(sample, at);
-    if (heading_every_ > 0 && since % heading_every_ == 0) use_heading(sample, at);
+    if (fix_every_ > 0 && since % fix_every_ == 0) {
+      forget(aid::position | aid::velocity);
+      use_fix(sample, at);
+    }
+    if (heading_every_ > 0 && since % heading_every_ == 0) {
+      forget(aid::magnetic_heading);
+      use_heading(sample, at);
+    }
   }
   ++number_;
   if (write(sample, at)) return;
@@ -104,7 +110,7 @@ void Navigator::hold(bool is_held, TruthTime time, double dt) noexcept {
 
 void Navigator::align(const Sample& sample, const At& at, double dt) noexcept {
   if (number_++ > 0 && dt > 0) alignment_.add(sample.delta_angle, sample.delta_velocity, dt, sample.magnetic_field);
-  const Navigation& fix = sample.receiver;
+  const Navigation& fix = sample.fix();
   if (!fix.is_known) {  // no velocity: the attitude is levelled on, and the window begins at the next fix
     has_begun_ = false;
     return;
@@ -140,20 +146,20 @@ std::optional<Navigator::Aligned> Navigator::coarse_attitude(const PositionVeloc
   const double t = window_->time_s();
   const Vector3 first_N = now.v_N - *first_v_N_ - t * gravitation_N(filter_.gravitation(), now.r_N);
   const Vector3 first_P0 = window_->delta_velocity_P0();
-  const Quaternion from_L = q_NL(now, sample.receiver);
+  const Quaternion from_L = q_NL(now, sample.fix());
   Vector3 second_N, second_P0;
   Vector2 sigma = {
       model_.accelerometer_bias / units::standard_gravity + 2.0 * model_.velocity.x() / (units::standard_gravity * t),
       2.0 * model_.heading};
   if (!window_->magnetic_field_P0().isZero(0.0)) {
-    const Vector3 field_L = earth_.magnetic_field_L(sample.receiver);
+    const Vector3 field_L = earth_.magnetic_field_L(sample.fix());
     second_N = from_L * field_L;
     const double by_tilt = sigma.x() * field_L.z() / field_L.head<2>().norm();
     sigma.y() = std::sqrt(sigma.y() * sigma.y() + by_tilt * by_tilt);
     second_P0 = window_->magnetic_field_P0();
   } else {
     constexpr double slowest = 2.0, sideslip = 0.17;  // m/s, rad
-    const Vector3 course_L(sample.receiver.v_L.x(), sample.receiver.v_L.y(), 0.0);
+    const Vector3 course_L(sample.fix().v_L.x(), sample.fix().v_L.y(), 0.0);
     if (course_L.squaredNorm() < slowest * slowest) return std::nullopt;
     second_N = from_L * course_L;
     second_P0 = window_->q_P0P() * Vector3::UnitX();
@@ -170,7 +176,7 @@ std::optional<Navigator::Aligned> Navigator::coarse_attitude(const PositionVeloc
 void Navigator::begin_filter(const PositionVelocity& now, const Sample& sample, const At& at, const Quaternion& q_NP,
                              const Vector2& sigma) noexcept {
   using Filter = InertialFilter;
-  const Matrix3 axes = q_NL(now, sample.receiver).toRotationMatrix();
+  const Matrix3 axes = q_NL(now, sample.fix()).toRotationMatrix();
   Filter::Covariance P = Filter::Covariance::Zero();
   P.block<3, 3>(Filter::phi, Filter::phi) = turned(axes, {sigma.x(), sigma.x(), sigma.y()});
   P.block<3, 3>(Filter::velocity, Filter::velocity) = turned(axes, model_.velocity);
@@ -189,12 +195,20 @@ void Navigator::begin_filter(const PositionVelocity& now, const Sample& sample, 
   since_fix_s_ = 0;
   is_rejecting_ = false;
   corrections_ = {};
+  used_ = rejected_ = 0;
 }
 
 // --- Aids
 
-bool Navigator::use(const InertialFilter::Measurement& measurement) noexcept {
-  if (!(filter_.normalized_square(measurement) <= model_.gate)) return false;
+void Navigator::forget(unsigned aids) noexcept {
+  used_ = static_cast<std::uint16_t>(used_ & ~aids);
+  rejected_ = static_cast<std::uint16_t>(rejected_ & ~aids);
+}
+
+bool Navigator::use(std::uint16_t aid, const InertialFilter::Measurement& measurement) noexcept {
+  const bool is_used = filter_.normalized_square(measurement) <= model_.gate;
+  (is_used ? used_ : rejected_) |= aid;
+  if (!is_used) return false;
   const InertialState before = filter_.motion();
   filter_.update(measurement);
   corrections_.v_N += filter_.motion().v_N - before.v_N;
@@ -203,7 +217,7 @@ bool Navigator::use(const InertialFilter::Measurement& measurement) noexcept {
 }
 
 void Navigator::use_fix(const Sample& sample, const At& at) noexcept {
-  const Navigation& fix = sample.receiver;
+  const Navigation& fix = sample.fix();
   const std::uint64_t lag = past_.size() - 1;
   if (!fix.is_known || number_ < aligned_at_ + lag) return;
   const PositionVelocity measured = in_N(fix, at);
@@ -229,17 +243,17 @@ void Navigator::use_fix(const Sample& sample, const At& at) noexcept {
     filter_.add_variance(InertialFilter::position, position.innovation.squaredNorm());
     filter_.add_variance(InertialFilter::velocity, (measured.v_N - v_N).squaredNorm());
   }
-  if (!use(position)) {
+  if (!use(aid::position, position)) {
     if (!is_rejecting_) rejecting_s_ = 0;
     is_rejecting_ = true;
     ++fixes_.rejected;
     return;
   }
   // The position has corrected the velocity as well.
-  use({.first = InertialFilter::velocity,
-       .axes_N = axes,
-       .innovation = axes * (measured.v_N - past.v_N - corrections_.v_N),
-       .variance = velocity_late2 + Vector3((factor * model_.velocity).array().square())});
+  use(aid::velocity, {.first = InertialFilter::velocity,
+                      .axes_N = axes,
+                      .innovation = axes * (measured.v_N - past.v_N - corrections_.v_N),
+                      .variance = velocity_late2 + Vector3((factor * model_.velocity).array().square())});
   ++fixes_.used;
   since_fix_s_ = 0;
   is_rejecting_ = false;
@@ -267,7 +281,7 @@ void Navigator::use_heading(const Sample& sample, const At& at) noexcept {
   heading.innovation[0] = angle;
   heading.variance[0] = model_.heading * model_.heading;
   filter_.propagate();
-  ++(use(heading) ? headings_.used : headings_.rejected);
+  ++(use(aid::magnetic_heading, heading) ? headings_.used : headings_.rejected);
 }
 
 // --- Frames
@@ -303,8 +317,7 @@ void Navigator::write_aligning(Sample& sample, double dt) noexcept {
   const bool is_level = up.cross(ahead).squaredNorm() > 1e-6 * up.squaredNorm() * ahead.squaredNorm();
   sample.q_LP = is_level ? rotation_of_pairs(-Vector3::UnitZ(), Vector3::UnitX(), up, ahead) : Quaternion::Identity();
   sample.navigation = {};
-  sample.solution = {.state = Solution::State::aligning};
-  sample.solution.attitude.setConstant(static_cast<float>(units::pi));  // anything, as far as is known
+  sample.solution->attitude.setConstant(static_cast<float>(units::pi));  // anything, as far as is known
 }
 
 bool Navigator::write(Sample& sample, const At& at) const noexcept {
@@ -313,8 +326,8 @@ bool Navigator::write(Sample& sample, const At& at) const noexcept {
   const Quaternion q_LN = earth_.q_LN(position_of(at), sample.navigation);
   sample.navigation.gps_ns += receiver_clock_ns_;
   sample.navigation.origin = origin_;
-  sample.navigation.satellites = sample.receiver.is_known ? sample.receiver.satellites : 0;
-  sample.navigation.accuracy_factor = sample.receiver.accuracy_factor;
+  sample.navigation.satellites = sample.fix().is_known ? sample.fix().satellites : 0;
+  sample.navigation.accuracy_factor = sample.fix().accuracy_factor;
   sample.q_LP = q_LN * filter_.motion().q_NP;
   const Matrix3 axes = q_LN.toRotationMatrix();
   const auto sigma = [&](int first) {
@@ -322,14 +335,21 @@ bool Navigator::write(Sample& sample, const At& at) const noexcept {
     return Vector3(P.diagonal().cwiseSqrt());
   };
   const double gap_s = std::max(coasting_after_s, 3.0 * static_cast<double>(fix_every_) * period_s_);
-  sample.solution.state =
-      since_fix_s_ > gap_s || fix_every_ == 0 ? Solution::State::coasting : Solution::State::aided;
-  sample.solution.since_fix_s = static_cast<float>(since_fix_s_);
-  sample.solution.attitude = sigma(InertialFilter::phi).cast<float>();
-  sample.solution.velocity = sigma(InertialFilter::velocity).cast<float>();
-  sample.solution.position = sigma(InertialFilter::position).cast<float>();
-  sample.solution.gyro_bias = filter_.gyro_bias_P().cast<float>();
-  sample.solution.accelerometer_bias = filter_.accelerometer_bias_P().cast<float>();
+  Solution& solution = *sample.solution;
+  solution.state = since_fix_s_ > gap_s || fix_every_ == 0 ? Solution::State::coasting : Solution::State::aided;
+  solution.used = used_;
+  solution.rejected = rejected_;
+  solution.since_fix_s = static_cast<float>(since_fix_s_);
+  solution.attitude = sigma(InertialFilter::phi).cast<float>();
+  solution.velocity = sigma(InertialFilter::velocity).cast<float>();
+  solution.position = sigma(InertialFilter::position).cast<float>();
+  solution.gyro_bias = filter_.gyro_bias_P().cast<float>();
+  solution.accelerometer_bias = filter_.accelerometer_bias_P().cast<float>();
+  const auto bias_sigma = [&](int first) {
+    return filter_.covariance().diagonal().segment<3>(first).cwiseSqrt().cast<float>();
+  };
+  solution.gyro_bias_sigma = bias_sigma(InertialFilter::gyro_bias);
+  solution.accelerometer_bias_sigma = bias_sigma(InertialFilter::accelerometer_bias);
   return true;
 }
 

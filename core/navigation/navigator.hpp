@@ -61,7 +61,9 @@ class Navigator {
                     const Vector2& sigma) noexcept;
   void use_fix(const Sample& sample, const At& at) noexcept;
   void use_heading(const Sample& sample, const At& at) noexcept;
-  bool use(const InertialFilter::Measurement& measurement) noexcept;
+  // An aid's bits are forgotten when it is due.
+  void forget(unsigned aids) noexcept;
+  bool use(std::uint16_t aid, const InertialFilter::Measurement& measurement) noexcept;
   double step(const Sample& sample) noexcept;
   void write_aligning(Sample& sample, double dt) noexcept;
   // Returns false if the place is none on the Earth.
@@ -107,6 +109,7 @@ class Navigator {
   Geodetic origin_;
   std::int64_t receiver_clock_ns_ = 0;  // the receiver's GPS time less the true one
   Counts fixes_, headings_;
+  std::uint16_t used_ = 0, rejected_ = 0;  // Solution's
 };
 
 }  // namespace imud

@@ -98,8 +98,8 @@ namespace chrono = std::chrono;
 using Utc = chrono::sys_time<Nanoseconds>;
 template <auto Part>
 double utc(const Reading& reading) noexcept {
-  const Navigation& navigation = reading.sample.navigation;
-  return navigation.is_known ? static_cast<double>(Part(utc_from_gps(navigation.gps_ns))) : 0;
+  const Navigation& timed = reading.sample.timed();
+  return timed.is_known ? static_cast<double>(Part(utc_from_gps(timed.gps_ns))) : 0;
 }
 chrono::year_month_day date(Utc at) noexcept { return chrono::floor<chrono::days>(at); }
 template <class Unit, class Whole>  // the number of `Unit`s since the last full `Whole`
@@ -120,20 +120,25 @@ std::int64_t day_of_year(Utc at) noexcept {
 double time_of_day(Utc at) noexcept { return 1e-9 * static_cast<double>(since<Nanoseconds, chrono::days>(at)); }
 double unix_time(Utc at) noexcept { return 1e-9 * static_cast<double>(at.time_since_epoch().count()); }
 double time_of_week(const Reading& r) noexcept {
-  return r.sample.navigation.is_known ? 1e-9 * static_cast<double>(r.sample.navigation.gps_ns % gps_week_ns) : 0;
+  return 1e-9 * static_cast<double>(r.sample.timed().gps_ns % gps_week_ns);
 }
-double gps_time(const Reading& r) noexcept { return 1e-9 * static_cast<double>(r.sample.navigation.gps_ns); }
-double gps_week(const Reading& r) noexcept { return static_cast<double>(r.sample.navigation.gps_ns / gps_week_ns); }
+double gps_time(const Reading& r) noexcept { return 1e-9 * static_cast<double>(r.sample.timed().gps_ns); }
+double gps_week(const Reading& r) noexcept { return static_cast<double>(r.sample.timed().gps_ns / gps_week_ns); }
 
 double fix(const Reading& r) noexcept { return r.sample.fix().is_known ? 1 : 0; }
 double satellites(const Reading& r) noexcept { return r.sample.fix().is_known ? r.sample.fix().satellites : 0; }
 
 template <Eigen::Vector3f Solution::*Member, int Axis>
 double deviation(const Reading& reading) noexcept {
-  return static_cast<double>((reading.sample.solution.*Member)[Axis]);
+  const std::optional<Solution>& solution = reading.sample.solution;
+  return solution ? static_cast<double>(((*solution).*Member)[Axis]) : 0;
 }
-double navigation_state(const Reading& r) noexcept { return static_cast<double>(r.sample.solution.state); }
-double fix_age(const Reading& r) noexcept { return static_cast<double>(r.sample.solution.since_fix_s); }
+double navigation_state(const Reading& r) noexcept {
+  return r.sample.solution ? 1 + static_cast<double>(r.sample.solution->state) : 0;
+}
+double fix_age(const Reading& r) noexcept {
+  return r.sample.solution ? static_cast<double>(r.sample.solution->since_fix_s) : 0;
+}
 
 double temperature(const Reading& r) noexcept { return r.sample.temperature_c; }
 void put_temperature(double value, ReadBack& read) noexcept {

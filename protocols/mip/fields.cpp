@@ -105,7 +105,7 @@ void Fields::sent(std::uint8_t set, std::uint8_t descriptor) noexcept {
 }
 
 std::int64_t Fields::true_gps_ns(DeviceTime at) const noexcept {
-  return knows_time() ? timed().gps_ns + (at - sample_.time).count() : 0;
+  return knows_time() ? sample_.timed().gps_ns + (at - sample_.time).count() : 0;
 }
 std::int64_t Fields::gps_ns(DeviceTime at) const noexcept {
   if (memory_.gps_update().count > 0) return at.ns + memory_.gps_update().offset_ns;

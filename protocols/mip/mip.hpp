@@ -196,10 +196,7 @@ class Fields {
   static void put_gps_time(Packet& packet, std::int64_t ns) noexcept;
   static void put_position(Packet& packet, const Navigation& navigation) noexcept;
   bool is_known() const noexcept { return sample_.navigation.is_known; }
-  // Return the place that has the GPS time, which before the filter's is the receiver's fix, and whether there is
-  // one.
-  const Navigation& timed() const noexcept { return is_known() ? sample_.navigation : sample_.fix(); }
-  bool knows_time() const noexcept { return timed().is_known; }
+  bool knows_time() const noexcept { return sample_.timed().is_known; }
   std::int64_t true_gps_ns(DeviceTime at) const noexcept;  // GPS time of a receiver; 0 if the truth has none
   bool has_week() const noexcept;
   bool has_time_of_week() const noexcept;

@@ -55,9 +55,9 @@ void Fields::put_filter(Packet& packet, std::uint8_t descriptor, DeviceTime at) 
   const FilterState state = filter_state();
   const bool navigates = is_known() && (!memory_.model().is(gq7) || state == FilterState::full_navigation);
   const bool is_stable = !memory_.model().is(gq7) || state != FilterState::initialization;
-  const Solution& solution = sample_.solution;
-  const auto uncertainty = [&](const Eigen::Vector3f& of_filter, const Vector3& otherwise) {
-    return solution.is_filter() ? Vector3(of_filter.cast<double>()) : otherwise;
+  const std::optional<Solution>& solution = sample_.solution;
+  const auto uncertainty = [&](Eigen::Vector3f Solution::*of_filter, const Vector3& otherwise) {
+    return solution ? Vector3(((*solution).*of_filter).cast<double>()) : otherwise;
   };
   std::uint16_t valid = is_stable;
   switch (descriptor) {
@@ -81,22 +81,23 @@ void Fields::put_filter(Packet& packet, std::uint8_t descriptor, DeviceTime at) 
       put_euler(packet);
       break;
     case 0x06:
-      packet.put_floats(memory_.active().q_PV.conjugate() * Vector3(solution.gyro_bias.cast<double>()));
+      packet.put_floats(memory_.active().q_PV.conjugate() * uncertainty(&Solution::gyro_bias, Vector3::Zero()));
       break;
     case 0x08:
-      packet.put_floats(
-          uncertainty(solution.position, double{navigation.accuracy_factor} *
-                                             figure_or(figures_.position, {0.5, 0.5, 0.8})));  // m: north, east, down
+      packet.put_floats(uncertainty(&Solution::position,
+                                    double{navigation.accuracy_factor} *
+                                        figure_or(figures_.position, {0.5, 0.5, 0.8})));  // m: north, east, down
       valid = navigates;
       break;
     case 0x09:
-      packet.put_floats(uncertainty(solution.velocity, double{navigation.accuracy_factor} *
-                                                           figure_or(figures_.velocity, {0.03, 0.03, 0.05})));  // m/s
+      packet.put_floats(
+          uncertainty(&Solution::velocity,
+                      double{navigation.accuracy_factor} * figure_or(figures_.velocity, {0.03, 0.03, 0.05})));  // m/s
       valid = navigates;
       break;
     case 0x0A:
       packet.put_floats(uncertainty(
-          solution.attitude,
+          &Solution::attitude,
           figure_or(figures_.attitude, {0.25 * units::degree, 0.25 * units::degree, heading_uncertainty})));
       break;
     case 0x0B:
@@ -116,8 +117,8 @@ void Fields::put_filter(Packet& packet, std::uint8_t descriptor, DeviceTime at) 
       break;
     case 0x12:
       for (int i = 0; i < 4; ++i)  // an error of the quaternion is half of the angle's
-        packet.put_float(solution.is_filter() ? 0.5 * static_cast<double>(solution.attitude.norm()) / std::sqrt(3.0)
-                                              : figure_or(0.5 * figures_.attitude.norm() / std::sqrt(3.0), 0.004));
+        packet.put_float(solution ? 0.5 * static_cast<double>(solution->attitude.norm()) / std::sqrt(3.0)
+                                  : figure_or(0.5 * figures_.attitude.norm() / std::sqrt(3.0), 0.004));
       break;
     case 0x13:
       packet.put_floats(gravity());

@@ -21,7 +21,7 @@ inline constexpr double dilution = 1.0;
 class Quantities {
  public:
   Quantities(const Reading& reading, const Sums& sums) noexcept
-      : Quantities(reading, sums, reading.sample.navigation, reading.sample.solution.is_filter()) {}
+      : Quantities(reading, sums, reading.sample.navigation, reading.sample.solution.has_value()) {}
   // Returns the same with place and accuracies of the receiver.
   static Quantities of_receiver(const Reading& reading, const Sums& sums) noexcept {
     return {reading, sums, reading.sample.fix(), false};
@@ -66,7 +66,7 @@ class Quantities {
     return yaw_pitch_roll_from_dcm(tared_q().conjugate().toRotationMatrix()) / units::degree;
   }
   Vector3 ypr_error_deg() const noexcept {
-    if (is_filter_) return s_.solution.attitude.cast<double>().reverse() / units::degree;
+    if (is_filter_) return s_.solution->attitude.cast<double>().reverse() / units::degree;
     return figure_or(r_.figures.attitude.reverse() / units::degree, Vector3::Constant(attitude_error_deg));
   }
   Vector3 magnetic_L() const noexcept { return s_.q_LP * magnetic(); }
@@ -104,21 +104,21 @@ class Quantities {
     return static_cast<std::uint16_t>(mode() | fix_flags);
   }
   Vector3 position_errors_m() const noexcept {
-    if (is_filter_) return if_fixed(s_.solution.position.cast<double>());
+    if (is_filter_) return if_fixed(s_.solution->position.cast<double>());
     return if_fixed(double{navigation_.accuracy_factor} *
                     figure_or(r_.figures.position, Vector3::Constant(position_error)));
   }
   double position_error_m() const noexcept {
-    if (is_filter_) return has_fix() ? rms(s_.solution.position.cast<double>()) : 0;
+    if (is_filter_) return has_fix() ? rms(s_.solution->position.cast<double>()) : 0;
     return has_fix() ? double{navigation_.accuracy_factor} * figure_or(rms(r_.figures.position), position_error) : 0;
   }
   double velocity_error_m_per_s() const noexcept {
-    if (is_filter_) return has_fix() ? rms(s_.solution.velocity.cast<double>()) : 0;
+    if (is_filter_) return has_fix() ? rms(s_.solution->velocity.cast<double>()) : 0;
     return has_fix() ? double{navigation_.accuracy_factor} * figure_or(rms(r_.figures.velocity), 0.05) : 0;
   }
   double time_error_s() const noexcept { return knows_time() ? 2e-8 : 0; }
   double ins_attitude_error_deg() const noexcept {
-    if (is_filter_) return has_fix() ? rms(s_.solution.attitude.cast<double>()) / units::degree : 0;
+    if (is_filter_) return has_fix() ? rms(s_.solution->attitude.cast<double>()) / units::degree : 0;
     return has_fix() ? figure_or(rms(r_.figures.attitude) / units::degree, attitude_error_deg) : 0;
   }
 
@@ -131,8 +131,8 @@ class Quantities {
   unsigned mode() const noexcept {
     constexpr float longest_outage_s = 45;
     if (r_.model.receivers == 0 || !is_filter_) return has_fix() ? 2 : 0;
-    if (s_.solution.state == Solution::State::aligning) return s_.fix().is_known ? 1 : 0;
-    return s_.solution.since_fix_s > longest_outage_s ? 3 : 2;
+    if (s_.solution->state == Solution::State::aligning) return s_.fix().is_known ? 1 : 0;
+    return s_.solution->since_fix_s > longest_outage_s ? 3 : 2;
   }
 
   static constexpr double gauss = 1e-4, attitude_error_deg = 0.5, position_error = 1;

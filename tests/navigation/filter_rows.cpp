@@ -89,7 +89,7 @@ void begin(Filter& filter) {
   filter.begin({q_NP, v_N, r_N}, gyro, accelerometer, sigma.cwiseProduct(sigma).asDiagonal());
 }
 
-void aid(Filter& filter, const Settings& settings) {
+void take_aid(Filter& filter, const Settings& settings) {
   const Vector3 r_N = read_vector(), v_N = read_vector();
   const Quaternion q_NP = read_quaternion();
   filter.propagate();
@@ -124,7 +124,7 @@ int main() {
     for (std::uint64_t k = 1; k <= settings.steps; ++k) {
       const Vector3 delta_angle = read_vector(), delta_velocity = read_vector();
       filter.advance(delta_angle, delta_velocity, settings.dt);
-      if (k % settings.steps_of_aid == 0) aid(filter, settings);
+      if (k % settings.steps_of_aid == 0) take_aid(filter, settings);
       if (k % settings.steps_of_epoch != 0) continue;
       filter.propagate();
       write(filter);

@@ -24,7 +24,7 @@ tactical = per_step("tactical") - truths
 with open("/proc/cpuinfo") as file:
     has_avx2 = " avx2 " in file.read()
 # g++ 12: 1702 with AVX2; 2450 without it, the noise in AVX2 nevertheless. The module of Basilisk takes 8507 for the same.
-limit = 1830 if has_avx2 else 3000
+limit = 1800 if has_avx2 else 3000
 print(f"instructions per step: memo {memo:.0f}, at most {limit} here; tactical {tactical:.0f}, "
       f"{tactical / memo:.2f} times as many, at most 3")
 if not 500 < memo <= limit or not memo < tactical <= 3 * memo:

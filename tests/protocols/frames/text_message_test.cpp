@@ -2,6 +2,7 @@
 #include <cmath>
 #include <limits>
 #include <random>
+#include <utility>
 
 #include "core/units.hpp"
 #include "tests/protocols/frames/frame_unit.hpp"
@@ -93,15 +94,18 @@ TEST(TextMessage, AnglesAndTimesOfDay) {
   EXPECT_EQ(written("{utc_day:02d}{utc_month:02d}{utc_year%100:02d}\\n"), "230825\n");
   EXPECT_EQ(written("{gnss_fix:01d} {gnss_satellites:02d}\\n"), "1 09\n");
   Sample own = text_sample();
-  own.solution = {.state = Solution::State::coasting,
-                  .since_fix_s = 2.5F,
-                  .attitude = {0.001F, 0.002F, 0.004F},
-                  .velocity = {0.25F, 0.5F, 1.0F},
-                  .position = {2.0F, 4.0F, 8.0F}};
+  own.solution = Solution{.state = Solution::State::coasting,
+                          .since_fix_s = 2.5F,
+                          .attitude = {0.001F, 0.002F, 0.004F},
+                          .velocity = {0.25F, 0.5F, 1.0F},
+                          .position = {2.0F, 4.0F, 8.0F}};
   EXPECT_EQ(written("{navigation_state:d},{fix_age_s:.1f},{attitude_sigma_down_mrad:.1f},"
                     "{velocity_sigma_east_m_per_s:.1f},{position_sigma_north_m:.1f}\\n",
                     own),
             "2,2.5,4.0,0.5,2.0\n");
+  Sample aligning = text_sample();  // the time is the receiver's
+  aligning.solution.emplace().receiver = std::exchange(aligning.navigation, {});
+  EXPECT_EQ(written("{time_of_day_s:hhmmss.ss} {latitude_deg:.1f}\\n", aligning), "160000.25 0.0\n");
   Sample sample = text_sample();
   sample.navigation.gps_ns += 28'800'000'000'000 - 250'000'001;  // the last nanosecond of the day
   EXPECT_EQ(written("{time_of_day_s:hhmmss.ss}\\n", sample), "000000.00\n");
