@@ -173,6 +173,13 @@ struct Product {
   BarometerErrors barometer;
 };
 
+// The solution that a unit computes from its sensors.
+enum class Solves : std::uint8_t {
+  nothing,   // it is no navigation system, or it is not known to be one
+  attitude,  // an attitude and heading reference system (AHRS)
+  place,     // also velocity and position, with a receiver (INS)
+};
+
 // One entry of the table. The conformance test (tests/protocols/conformance_test.cpp) verifies all that an entry
 // declares.
 struct Protocol {
@@ -223,6 +230,9 @@ struct Protocol {
   // Returns the name of the model (a preset of the emulator, or "white") whose errors a unit with these settings has
   // unless its configuration names another. nullptr: "white", the errors of `product`.
   std::string_view (*preset)(const Settings& settings) = nullptr;
+
+  // Returns the solution that a unit with these settings computes. nullptr: nothing.
+  Solves (*solves)(const Settings& settings) = nullptr;
 
   // Returns the layout of the frames that a unit with these settings sends, as lines for people. Throws as make does.
   // nullptr: the document has it.

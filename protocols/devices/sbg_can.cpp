@@ -126,6 +126,7 @@ extern constexpr Protocol sbg_can_protocol = signal_protocol<table>({
     .status_bits = 0,
     .has_self_test = true,
     .preset = [](const Settings&) -> std::string_view { return "sbg-ellipse"; },
+    .solves = [](const Settings&) { return Solves::place; },
 });
 
 }  // namespace imud

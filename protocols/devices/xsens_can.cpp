@@ -202,6 +202,7 @@ extern constexpr Protocol xsens_can_protocol = signal_protocol<table>({
     .status_bits = 0x3F | status::self_test_failed,
     .has_self_test = true,
     .preset = [](const Settings&) -> std::string_view { return "mti-630"; },
+    .solves = [](const Settings&) { return Solves::attitude; },
 });
 
 }  // namespace imud

@@ -281,6 +281,7 @@ extern constexpr Protocol mip_protocol = {
     .has_self_test = true,
     .product = product,
     .preset = [](const Settings& settings) { return model_of(settings).preset; },
+    .solves = [](const Settings& s) { return model_of(s).is(mip::ins) ? Solves::place : Solves::attitude; },
     .make = [](const Settings& settings) -> std::unique_ptr<Device> {
       return std::make_unique<MipDevice>(model_of(settings), configuration(settings));
     },

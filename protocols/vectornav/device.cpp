@@ -400,6 +400,8 @@ extern constexpr Protocol vectornav_protocol = {
     .counters = counters,
     .product = vectornav::product_of,
     .preset = [](const Settings&) -> std::string_view { return "vn-100"; },
+    .solves =
+        [](const Settings& settings) { return model_of(settings).receivers > 0 ? Solves::place : Solves::attitude; },
     .make = [](const Settings& settings) -> std::unique_ptr<Device> {
       return std::make_unique<VectorNavDevice>(model_of(settings), uart_of(settings), configuration_of(settings));
     },
