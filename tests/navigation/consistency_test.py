@@ -1,6 +1,6 @@
 """Whether the filter's covariance is the one of its errors, and its innovations are white, by another program.
 
-Flights in closed form, whose noise, random walks, aids and first errors have the distributions for which the filter is
+Flights in closed form, and a captured one, whose noise, random walks, aids and first errors have the distributions for which the filter is
 tuned. Increments and aids are made here, and the squares of the errors in units of the covariance (NEES) are judged
 here; `filter_rows` runs the filter alone. Each judged number has a probability of a false alarm of 1e-6; the seeds are
 fixed. Then sensors and aids are worse than the filter expects, which must be seen.

@@ -1,12 +1,15 @@
-"""Flights in closed form, vectorised over time: position, velocity and acceleration in an inertial frame, attitude.
+"""Flights as functions, vectorised over time: position, velocity and acceleration in an inertial frame, attitude.
 
 Quaternions are w, x, y, z, and turn from the platform to that frame.
 """
 import dataclasses
+import functools
 import math
+import pathlib
 from collections.abc import Callable
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 OMEGA = 7.292115e-5
 A, F, GM = 6378137.0, 1 / 298.257223563, 3.986004418e14
@@ -153,6 +156,20 @@ def orbit(t):
     return radius * axis[0], radius * w * axis[1], -radius * w * w * axis[0], along
 
 
+@functools.cache
+def cessna_splines():
+    captured = pathlib.Path(__file__).parents[1] / "captures" / "jsbsim_c172_59s.csv.gz"
+    rows = np.loadtxt(captured, delimiter=",", skiprows=1)
+    return CubicSpline(rows[:, 0], rows[:, 1:4]), CubicSpline(rows[:, 0], rows[:, 4:8])
+
+
+def cessna(t):
+    """A Cessna 172 that JSBSim flew: splines through positions and quaternions that were captured each 0.2 s."""
+    position, attitude = cessna_splines()
+    t, q = t + position.x[0], attitude(t + position.x[0])
+    return position(t), position(t, 1), position(t, 2), q / np.linalg.norm(q, axis=-1, keepdims=True)
+
+
 @dataclasses.dataclass
 class Flight:
     motion: Callable
@@ -186,4 +203,5 @@ FLIGHTS = {
     # Ten minutes between aids, in which the gradient of the gravitation acts.
     "orbit": Flight(orbit, True, 9600, (1e-5, 1e-5, 1e-8, 1e-8), sigmas(0.002, 0.1, 10, 1e-5, 1e-4), position=5,
                     attitude=1e-3, attitude_rows=3, dt=0.25, aid_s=600, epoch_s=1200),
+    "cessna": Flight(cessna, True, 56, MEMS, sigmas([0.02, 0.02, 0.05], 0.2, 2, 1e-3, 0.02), epoch_s=14),
 }
