@@ -4,6 +4,8 @@
 #include <cstddef>
 #include <tuple>
 
+#include "core/numbers/dispatch.hpp"
+
 namespace imud {
 namespace {
 
@@ -46,29 +48,29 @@ MagneticField::MagneticField(std::span<const GaussCoefficients> model) {
     const double unit = 1e-9 * schmidt(n, m);
     const double g = unit * g_nT, h = m == 0 ? 0.0 : unit * h_nT;
     const double vertical = n - m + 1;
-    weights(n + 1, m).cosine.z() += vertical * g;
-    weights(n + 1, m).sine.z() += vertical * h;
+    weights(n + 1, m).cosine.add(lanes({0, 0, vertical * g}));
+    weights(n + 1, m).sine.add(lanes({0, 0, vertical * h}));
     const double higher = m == 0 ? 1.0 : 0.5;
-    weights(n + 1, m + 1).cosine += higher * Vector3(g, -h, 0.0);
-    weights(n + 1, m + 1).sine += higher * Vector3(h, g, 0.0);
+    weights(n + 1, m + 1).cosine.add(lanes(higher * Vector3(g, -h, 0.0)));
+    weights(n + 1, m + 1).sine.add(lanes(higher * Vector3(h, g, 0.0)));
     if (m == 0) continue;
     const double lower = 0.5 * (n - m + 2) * (n - m + 1);
-    weights(n + 1, m - 1).cosine -= lower * Vector3(g, h, 0.0);
-    weights(n + 1, m - 1).sine -= lower * Vector3(h, -g, 0.0);
+    weights(n + 1, m - 1).cosine.add(lanes(-lower * Vector3(g, h, 0.0)));
+    weights(n + 1, m - 1).sine.add(lanes(-lower * Vector3(h, -g, 0.0)));
   }
 }
 
-Vector3 MagneticField::at(const Vector3& r_E) const noexcept {
+IMUD_DISPATCHED Vector3 MagneticField::at(const Vector3& r_E) const noexcept {
   static constexpr auto steps = make_steps<std::tuple_size_v<decltype(weights_)>>(top);
   const double r2 = r_E.squaredNorm(), scale = reference / r2, a2 = reference * scale;
   const Vector3 u = scale * r_E;
-  Vector3 field = Vector3::Zero();
+  Lanes field = {};
   double v_mm = reference / std::sqrt(r2), w_mm = 0.0;
   std::size_t i = 0;
   for (int m = 0; m <= top; ++m) {
     double v = v_mm, w = w_mm, v_below = 0.0, w_below = 0.0;
     for (int n = m; n <= top; ++n, ++i) {
-      field += v * weights_[i].cosine + w * weights_[i].sine;
+      field += v * weights_[i].cosine.lanes() + w * weights_[i].sine.lanes();
       const double once = steps[i].once * u.z(), twice = steps[i].twice * a2;
       const double v_above = once * v - twice * v_below, w_above = once * w - twice * w_below;
       v_below = v;
@@ -81,7 +83,7 @@ Vector3 MagneticField::at(const Vector3& r_E) const noexcept {
     w_mm = sectoral * (u.x() * w_mm + u.y() * v_mm);
     v_mm = v_next;
   }
-  return field;
+  return vector_of(field);
 }
 
 }  // namespace imud

@@ -9,6 +9,7 @@
 #include <array>
 #include <span>
 
+#include "core/numbers/lanes.hpp"
 #include "core/vector.hpp"
 
 namespace imud {
@@ -37,7 +38,7 @@ class MagneticField {
   static constexpr int top = max_degree + 1;  // degree of the gradient of the highest harmonic
   // The parts of the two solid harmonics of one degree and order in the field, T.
   struct Weights {
-    Vector3 cosine = Vector3::Zero(), sine = Vector3::Zero();
+    LaneVector cosine, sine;
   };
   Weights& weights(int degree, int order) noexcept;
 
