@@ -312,7 +312,7 @@ int execute(int argc, const char* const* argv) {
   app.add_subcommand("help", "Show this text, or that of COMMAND")->add_option("COMMAND");
   app.footer(
       "Example: imud check imu.toml && imud run imu.toml --for 10\n"
-      "Every key: emulator/CONFIGURATION.md, in the source and, installed, in share/doc/imud");
+      "Every key: emulator/CONFIGURATION.md, in the source and, installed, in share/imud");
 
   std::vector<std::string> given = words(argc, argv);
   if (const std::string fault = unknown_command(app, given); !fault.empty()) {

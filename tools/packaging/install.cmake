@@ -1,0 +1,50 @@
+# What `cmake --install` installs: the packages have the same files, by the components imud, imud-dev and python3-imud.
+# Headers of the libraries are internal, and the libraries are not installed.
+include(GNUInstallDirs)
+set(packaging ${CMAKE_SOURCE_DIR}/tools/packaging)
+
+install(TARGETS imud imu-allan imu-decode imu-fit imu-plot imu-truth COMPONENT imud)
+install(FILES ${packaging}/debian/copyright DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT imud)
+install(FILES tools/lockstep_client.hpp tools/realtime_client.hpp DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/imud
+  COMPONENT imud-dev)
+
+# The files of files.txt keep their paths, by which --help, messages and the README.md files name them.
+set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${packaging}/files.txt)
+set(listed "")
+file(STRINGS ${packaging}/files.txt lines REGEX "^[^#]")
+foreach(line IN LISTS lines)
+  string(REGEX MATCH "^([^ ]+) +([^ ]+)$" is_row "${line}")
+  if(NOT is_row)
+    message(FATAL_ERROR "tools/packaging/files.txt: \"${line}\" is no package and path")
+  endif()
+  set(package ${CMAKE_MATCH_1})
+  set(pattern ${CMAKE_MATCH_2})
+  set(found ${pattern})
+  if(pattern MATCHES "\\*")
+    file(GLOB_RECURSE found RELATIVE ${CMAKE_SOURCE_DIR} CONFIGURE_DEPENDS ${CMAKE_SOURCE_DIR}/${pattern})
+    list(FILTER found EXCLUDE REGEX "__pycache__")
+  endif()
+  if(NOT found)
+    message(FATAL_ERROR "tools/packaging/files.txt: there is no ${pattern}")
+  endif()
+  foreach(file IN LISTS found)
+    if(file IN_LIST listed)
+      message(FATAL_ERROR "tools/packaging/files.txt: ${pattern} has ${file}, which an earlier line has")
+    endif()
+    list(APPEND listed ${file})
+    get_filename_component(folder ${file} DIRECTORY)
+    file(READ ${file} begin LIMIT 2 HEX)
+    set(kind FILES)
+    if(begin STREQUAL "2321")
+      set(kind PROGRAMS)
+    endif()
+    install(${kind} ${file} DESTINATION ${CMAKE_INSTALL_DATADIR}/imud/${folder} COMPONENT ${package})
+  endforeach()
+endforeach()
+
+# The Python package, where Debian's interpreter finds it below /usr/local.
+execute_process(COMMAND /usr/bin/python3 -c "import sys; print(*sys.version_info[:2], sep='.')"
+  OUTPUT_VARIABLE python_version OUTPUT_STRIP_TRAILING_WHITESPACE ERROR_QUIET)
+set(IMUD_PYTHON_FOLDER lib/python${python_version}/dist-packages CACHE STRING "Where the Python package is installed")
+file(GLOB modules CONFIGURE_DEPENDS ${CMAKE_SOURCE_DIR}/tools/python/imud/*.py)
+install(FILES ${modules} DESTINATION ${IMUD_PYTHON_FOLDER}/imud COMPONENT python3-imud)
