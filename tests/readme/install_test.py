@@ -18,6 +18,7 @@ import commands
 BUILD, SOURCE = (pathlib.Path(argument).resolve() for argument in (sys.argv.pop(1), sys.argv.pop(1)))
 PROGRAMS = ("imud", "imu-decode", "imu-truth", "imu-allan", "imu-fit", "imu-plot")
 FOLDERS = ("core", "emulator", "protocols", "transports", "tools", "tests")
+DOCUMENTS = {"man": "share/man"}
 PATH = re.compile(rf"(?<![\w./-])(?:{'|'.join(FOLDERS)})/[\w./-]*\w")
 LITERAL = re.compile(r'"(?:[^"\\\n]|\\.)*"')
 
@@ -79,11 +80,16 @@ class InstallTest(unittest.TestCase):
         expected = {f"bin/{program}" for program in PROGRAMS}
         expected |= {f"share/imud/{path}" for path in listed()}
         expected |= {f"{python}/{path.name}" for path in (SOURCE / "tools/python/imud").glob("*.py")}
+        for made, installed in DOCUMENTS.items():
+            paths = [path.relative_to(BUILD / "documents" / made) for path in (BUILD / "documents" / made).rglob("*") if path.is_file()]
+            self.assertTrue(paths, made)
+            expected |= {f"{installed}/{path}" for path in paths}
         expected |= {"share/doc/imud/copyright", "include/imud/lockstep_client.hpp", "include/imud/realtime_client.hpp"}
         found = [str(path.relative_to(self.prefix)) for path in self.prefix.rglob("*") if path.is_file() or path.is_symlink()]
         self.assertGreater(len(found), 150)
         self.assertEqual(sorted(found), sorted(expected))
-        self.assertEqual(sorted(self.lines), sorted(str(self.prefix / path) for path in expected), "installed twice")
+        lines = [line for line in self.lines if not os.path.isdir(line)]
+        self.assertEqual(sorted(lines), sorted(str(self.prefix / path) for path in expected), "installed twice")
 
     def test_is_readable_and_scripts_are_executable(self):
         for path in self.prefix.rglob("*"):
