@@ -4,7 +4,7 @@ include(GNUInstallDirs)
 set(packaging ${CMAKE_SOURCE_DIR}/tools/packaging)
 
 install(TARGETS imud imu-allan imu-decode imu-fit imu-plot imu-truth COMPONENT imud)
-# The manual is made of what the programs state of themselves.
+# The manual and the completions are made of what the programs state of themselves.
 file(GLOB makers CONFIGURE_DEPENDS ${packaging}/documents/*.py ${CMAKE_SOURCE_DIR}/tools/scenarios/*.toml)
 add_custom_command(OUTPUT ${CMAKE_BINARY_DIR}/documents.stamp
   COMMAND /usr/bin/python3 ${packaging}/documents/documents.py ${CMAKE_BINARY_DIR} ${CMAKE_SOURCE_DIR}
@@ -16,6 +16,9 @@ add_custom_command(OUTPUT ${CMAKE_BINARY_DIR}/documents.stamp
 add_custom_target(documents ALL DEPENDS ${CMAKE_BINARY_DIR}/documents.stamp)
 set(documents ${CMAKE_BINARY_DIR}/documents)
 install(DIRECTORY ${documents}/man/ DESTINATION ${CMAKE_INSTALL_MANDIR} COMPONENT imud)
+install(DIRECTORY ${documents}/bash/ DESTINATION ${CMAKE_INSTALL_DATADIR}/bash-completion/completions COMPONENT imud)
+install(DIRECTORY ${documents}/zsh/ DESTINATION ${CMAKE_INSTALL_DATADIR}/zsh/site-functions COMPONENT imud)
+install(DIRECTORY ${documents}/fish/ DESTINATION ${CMAKE_INSTALL_DATADIR}/fish/vendor_completions.d COMPONENT imud)
 
 install(FILES ${packaging}/debian/copyright DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT imud)
 install(FILES tools/lockstep_client.hpp tools/realtime_client.hpp DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/imud

@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
-"""Writes the pages of the manual, made of what the programs state of themselves.
+"""Writes the pages of the manual and the completions of the shells, made of what the programs state of themselves.
 
 usage: documents.py PROGRAMS_FOLDER SOURCE_FOLDER OUTPUT_FOLDER
 
-OUTPUT_FOLDER gets man/man1, man/man5, man/man7. The pages have the date of the changelog: the same
+OUTPUT_FOLDER gets man/man1, man/man5, man/man7, bash, zsh and fish. The pages have the date of the changelog: the same
 programs and sources give the same files.
 """
 import email.utils
@@ -13,7 +13,8 @@ import sys
 
 sys.dont_write_bytecode = True
 
-from help_text import Programs
+from completion import Completion
+from help_text import PROGRAMS, Programs
 from manual import Manual
 
 
@@ -28,6 +29,14 @@ def main(programs_folder, source_folder, output_folder):
     files = {}
     for page in Manual(programs, source, date_of((source / "tools/packaging/debian/changelog").read_text())).pages:
         files[f"man/man{page.section}/{page.file}"] = page.text()
+    completion = Completion(programs, source)
+    files["bash/imud"] = completion.bash()
+    files["zsh/_imud"] = completion.zsh()
+    files["fish/imud.fish"] = completion.fish()
+    # These shells look for the file of a command by its name.
+    for program in PROGRAMS[1:]:
+        files[f"bash/{program}"] = ". \"${BASH_SOURCE[0]%/*}/imud\"\n"
+        files[f"fish/{program}.fish"] = "source (status dirname)/imud.fish\n"
     shutil.rmtree(output, ignore_errors=True)
     for name, text in files.items():
         path = output / name
