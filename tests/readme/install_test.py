@@ -85,7 +85,9 @@ class InstallTest(unittest.TestCase):
             paths = [path.relative_to(BUILD / "documents" / made) for path in (BUILD / "documents" / made).rglob("*") if path.is_file()]
             self.assertTrue(paths, made)
             expected |= {f"{installed}/{path}" for path in paths}
-        expected |= {"share/doc/imud/copyright", "include/imud/lockstep_client.hpp", "include/imud/realtime_client.hpp"}
+        expected |= {"share/doc/imud/copyright", "include/imud/lockstep_client.hpp", "include/imud/realtime_client.hpp", "etc/security/limits.d/imud.conf",
+                     "lib/systemd/system/imud@.service", "lib/sysusers.d/imud.conf", "lib/tmpfiles.d/imud.conf",
+                     "lib/udev/rules.d/60-imud.rules"}
         found = [str(path.relative_to(self.prefix)) for path in self.prefix.rglob("*") if path.is_file() or path.is_symlink()]
         self.assertGreater(len(found), 150)
         self.assertEqual(sorted(found), sorted(expected))

@@ -64,3 +64,12 @@ execute_process(COMMAND /usr/bin/python3 -c "import sys; print(*sys.version_info
 set(IMUD_PYTHON_FOLDER lib/python${python_version}/dist-packages CACHE STRING "Where the Python package is installed")
 file(GLOB modules CONFIGURE_DEPENDS ${CMAKE_SOURCE_DIR}/tools/python/imud/*.py)
 install(FILES ${modules} DESTINATION ${IMUD_PYTHON_FOLDER}/imud COMPONENT python3-imud)
+
+# The service imud@NAME, and what it needs of the system. Debian's package has limits.conf in /etc/security.
+install(FILES ${packaging}/system/imud@.service DESTINATION lib/systemd/system COMPONENT imud)
+foreach(kind sysusers tmpfiles)
+  install(FILES ${packaging}/system/${kind}.conf DESTINATION lib/${kind}.d RENAME imud.conf COMPONENT imud)
+endforeach()
+install(FILES ${packaging}/system/udev.rules DESTINATION lib/udev/rules.d RENAME 60-imud.rules COMPONENT imud)
+install(FILES ${packaging}/system/limits.conf DESTINATION ${CMAKE_INSTALL_SYSCONFDIR}/security/limits.d RENAME imud.conf
+  COMPONENT imud)
