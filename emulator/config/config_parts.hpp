@@ -87,11 +87,10 @@ TriadErrors read_magnetometer(TableReader table, const TriadErrors* product, dou
 void read_causes(TableReader& imu, ImuModel& model);
 
 // Read a barometer's errors, over the product's errors, and the errors or the filter of a navigation solution, for
-// which the errors of the sensors must be read (navigation_config.cpp).
+// which the errors of the sensors must be read (navigation_config.cpp). The filter has the gravitation of the truth's
+// world, in which its receiver must have places.
 void read_barometer(TableReader table, BarometerErrors& errors);
-void read_navigation(TableReader table, ImuConfig& imu);
-// Gives the filter the gravitation of the truth's world, in which its receiver must have places.
-void read_world(TableReader& imu, const TruthConfig& truth, NavigatorModel& navigator);
+void read_navigation(TableReader table, const TruthConfig& truth, ImuConfig& imu);
 
 // Read the vibration of a sensor, and its temperature (environment_config.cpp).
 VibrationModel read_vibration(TableReader table);
@@ -115,8 +114,8 @@ void read_instants(TableReader& table, ImuConfig& imu);
 // Reads [imu.clock].
 OscillatorModel read_oscillator(TableReader table);
 
-// Reads the [[imu]] of that index (imu_config.cpp).
-ImuConfig read_imu(TableReader& table, std::size_t index);
+// Reads the [[imu]] of that index, after [truth] and [earth] (imu_config.cpp).
+ImuConfig read_imu(TableReader& table, std::size_t index, const TruthConfig& truth);
 // Adds a fault for each two imus that exclude one another, such as imus of the same name or port, and for each imu
 // that sends to the truth's port (imus_together.cpp).
 void check_imus_together(const std::vector<ImuConfig>& imus, const std::string& truth_port, const toml::array& tables,

@@ -277,7 +277,7 @@ void fault_of_settings(TableReader& table, TableReader& device, std::span<const 
 
 }  // namespace
 
-ImuConfig read_imu(TableReader& table, std::size_t index) {
+ImuConfig read_imu(TableReader& table, std::size_t index, const TruthConfig& truth) {
   ImuConfig imu;
   imu.name = table.text("name", fmt::format("imu{}", index + 1));
   if (imu.name.empty()) table.fault("name", "give a name that is not empty");
@@ -383,7 +383,7 @@ ImuConfig read_imu(TableReader& table, std::size_t index) {
   read_errors(table, product, imu);
   read_causes(table, imu.model);
   read_barometer(table.child("barometer"), imu.model.barometer);
-  read_navigation(table.child("navigation"), imu);
+  read_navigation(table.child("navigation"), truth, imu);
   TableReader increments = table.child("increments");
   imu.model.delta_angle = increments.choice<DeltaAngle>(
       "delta_angle", {{DeltaAngle::rotation_vector, "rotation_vector"}, {DeltaAngle::integral, "integral"}},

@@ -307,9 +307,8 @@ Config read_config(ConfigText text, const std::string& path, const std::string& 
       const toml::table& imu = *(*array)[i].as_table();
       toml::table& resolved_imu = resolved_imus.emplace_back<toml::table>();
       TableReader reader(&imu, fmt::format("imu.{}.", i), imu.source().begin.line, faults, resolved_imu);
-      ImuConfig& read = config.imus.emplace_back(read_imu(reader, i));
+      ImuConfig& read = config.imus.emplace_back(read_imu(reader, i, config.truth));
       read.model.earth = config.truth.earth;
-      read_world(reader, config.truth, read.navigator);
       if (config.truth.earth.frame == EarthModel::Frame::automatic && !carries_place(read) && !read.navigator.is_on)
         read.model.earth.frame = EarthModel::Frame::none;  // nobody sees it, and it takes time
       read.model.r_SB_B -= config.truth.r_RB_B;            // core's B has its origin at R
@@ -380,7 +379,7 @@ ImuModel model_named(const std::string& model, double rate_hz) {
   Faults faults("");
   toml::table resolved;
   TableReader table(&keys, "imu.0.", 0, faults, resolved);
-  ImuModel errors = read_imu(table, 0).model;
+  ImuModel errors = read_imu(table, 0, TruthConfig()).model;
   if (!faults.all().empty()) throw ConfigError(faults.all());
   return errors;
 }

@@ -1,4 +1,6 @@
 // The errors of barometers and navigation solutions in a configuration.
+#include <optional>
+
 #include "core/navigation/navigator.hpp"
 #include "core/units.hpp"
 #include "emulator/config/config_parts.hpp"
@@ -33,9 +35,43 @@ void read_barometer(TableReader table, BarometerErrors& errors) {
 
 namespace {
 
+// Whether the truth has places on the Earth; nullopt: it is not known before the first truth.
+std::optional<bool> has_places(const TruthConfig& truth) {
+  using Frame = EarthModel::Frame;
+  using Kind = TruthFrame::Kind;
+  if (truth.earth.frame == Frame::none) return false;
+  if (truth.earth.frame != Frame::automatic) return true;
+  if (truth.frame.kind == Kind::unknown) return std::nullopt;
+  return truth.frame.kind == Kind::earth;
+}
+
+void check_places(TableReader& table, const std::optional<bool>& has_places) {
+  if (!has_places)
+    table.warn("solution",
+               "\"filter\" aligns only with truth that has places on the Earth; give earth.frame if it has positions "
+               "alone");
+  else if (!*has_places)
+    table.fault("solution",
+                "\"filter\" needs places on the Earth for its receiver, which this truth does not have; give "
+                "earth.frame = \"local\" with latitude_deg and longitude_deg, or \"inertial\"");
+}
+
+// A navigation system with the errors of a preset computes its solution, unless the truth is known to have no place,
+// or the attitude's errors are given, which a filter does not take.
+bool solves_by_default(TableReader& table, const ImuConfig& imu, const std::optional<bool>& has_places) {
+  return imu.protocol != nullptr && imu.protocol->solves != nullptr && find_preset(imu.errors_model) != nullptr &&
+         imu.protocol->solves(imu.settings) == Solves::place && has_places.value_or(false) &&
+         !table.has("roll_pitch_deg") && !table.has("heading_deg");
+}
+
 // The keys of the unit's own filter. Where no accuracies are stated, the receiver is under an open sky.
-void read_navigator(TableReader& table, const ImuModel& model, NavigatorModel& navigator) {
-  navigator.is_on = table.choice<bool>("solution", {{false, "truth"}, {true, "filter"}}, false);
+void read_navigator(TableReader& table, const TruthConfig& truth, ImuConfig& imu) {
+  const ImuModel& model = imu.model;
+  NavigatorModel& navigator = imu.navigator;
+  const std::optional<bool> places = has_places(truth);
+  navigator.gravitation = truth.gravitation;
+  navigator.is_on =
+      table.choice<bool>("solution", {{false, "truth"}, {true, "filter"}}, solves_by_default(table, imu, places));
   // Without the filter an absent key has no value.
   const auto check = [&](const char* key) {
     if (!navigator.is_on) table.fault(key, "needs solution = \"filter\"");
@@ -58,6 +94,7 @@ void read_navigator(TableReader& table, const ImuModel& model, NavigatorModel& n
   navigator.heading = units::degree * number("magnetic_heading_deg", 2, 0.01, 180);
   navigator.accept_after_s = number("accept_after_s", navigator.accept_after_s, 0, 1e6);
   if (!navigator.is_on) return;
+  check_places(table, places);
   const NavigationErrors& errors = model.navigation;
   if (!errors.attitude.isZero(0.0))
     table.fault(errors.attitude.x() > 0 ? "roll_pitch_deg" : "heading_deg",
@@ -74,7 +111,7 @@ void read_navigator(TableReader& table, const ImuModel& model, NavigatorModel& n
 
 }  // namespace
 
-void read_navigation(TableReader table, ImuConfig& imu) {
+void read_navigation(TableReader table, const TruthConfig& truth, ImuConfig& imu) {
   NavigationErrors& errors = imu.model.navigation;
   const auto correlation = [&table](std::string_view key, double& time_s) {
     time_s = table.real(key, time_s, 1e-3, 1e9);
@@ -91,24 +128,8 @@ void read_navigation(TableReader table, ImuConfig& imu) {
   const double roll_pitch = units::degree * table.real("roll_pitch_deg", 0, 0, 90);
   errors.attitude = {roll_pitch, roll_pitch, units::degree * table.real("heading_deg", 0, 0, 180)};
   correlation("attitude_correlation_s", errors.attitude_correlation_s);
-  read_navigator(table, imu.model, imu.navigator);
+  read_navigator(table, truth, imu);
   table.finish();
-}
-
-void read_world(TableReader& imu, const TruthConfig& truth, NavigatorModel& navigator) {
-  navigator.gravitation = truth.gravitation;
-  using Frame = EarthModel::Frame;
-  using Kind = TruthFrame::Kind;
-  if (!navigator.is_on || truth.earth.frame == Frame::local || truth.earth.frame == Frame::inertial) return;
-  if (truth.earth.frame == Frame::none || truth.frame.kind == Kind::local || truth.frame.kind == Kind::inertial)
-    imu.fault(
-        "navigation",
-        "solution = \"filter\" needs places on the Earth for its receiver, which this truth does not have; give "
-        "earth.frame = \"local\" with latitude_deg and longitude_deg, or \"inertial\"");
-  else if (truth.frame.kind == Kind::unknown)
-    imu.warn("navigation",
-             "solution = \"filter\" aligns only with truth that has places on the Earth; give earth.frame if it has "
-             "positions alone");
 }
 
 }  // namespace imud

@@ -49,7 +49,8 @@ class GnssFaultsTest : public FaultyRunTest {
 
 constexpr std::string_view mip_unit =
     "[imu.device]\nmodel = \"3dm-gx5-45\"\ngnss_fields = [\"gnss_fix\", \"gnss_position\", \"gnss_velocity\"]\n"
-    "filter_rate_hz = 500\nfilter_fields = [\"filter_position_uncertainty\", \"filter_velocity_uncertainty\"]\n";
+    "filter_rate_hz = 500\nfilter_fields = [\"filter_position_uncertainty\", \"filter_velocity_uncertainty\"]\n"
+    "[imu.navigation]\nsolution = \"truth\"\n";
 constexpr std::string_view receivers_packet = "\x75\x65\x81", filters_packet = "\x75\x65\x82";
 // Head 4; fix 2 + 6; position 2 + 42; velocity 2 + 34.
 constexpr std::size_t satellites_at = 4 + 2 + 1, horizontal_at = 12 + 2 + 32, vertical_at = horizontal_at + 4,

@@ -40,6 +40,7 @@ class SolutionTest : public FaultyRunTest {
     return all;
   }
   static std::string filter() { return "solution = \"filter\"\n"; }
+  static std::string truth_alone() { return "solution = \"truth\"\n"; }
   static std::string gnss_fault(const char* kind, const char* settings) {
     return fmt::format("[[fault]]\ntarget = \"gnss\"\nkind = \"{}\"\n{}at_s = 4\nfor_s = 3\n", kind, settings);
   }
@@ -53,7 +54,7 @@ class SolutionTest : public FaultyRunTest {
 };
 
 TEST_F(SolutionTest, AlignsThenTracks) {
-  const std::vector<Vnins> truth = fly(""), solution = fly(filter());
+  const std::vector<Vnins> truth = fly(truth_alone()), solution = fly(filter());
   ASSERT_EQ(truth.size(), solution.size());
   std::size_t aligning = 0, tracking = 0;
   for (std::size_t i = 0; i < truth.size(); ++i) {
@@ -99,7 +100,7 @@ TEST_F(SolutionTest, GoesOnWithoutAFix) {
 TEST_F(SolutionTest, AGyroFaultTurnsTheAttitude) {
   const std::string bias =
       "[[fault]]\ntarget = \"gyro.x\"\nkind = \"bias\"\nvalue_deg_per_s = 8\nat_s = 4\nfor_s = 3\n";
-  const std::vector<Vnins> truth = fly("", bias), solution = fly(filter(), bias);
+  const std::vector<Vnins> truth = fly(truth_alone(), bias), solution = fly(filter(), bias);
   ASSERT_EQ(truth.size(), solution.size());
   double before = 0, largest = 0;
   for (std::size_t i = 60; i < truth.size(); ++i) {
@@ -116,13 +117,39 @@ TEST_F(SolutionTest, KeysAreChecked) {
                                                           "[imu.navigation]\n" + keys)));
   };
   EXPECT_TRUE(load("solution = \"filter\"\ngnss_rate_hz = 10\n").imus[0].navigator.is_on);
-  EXPECT_FALSE(load("").imus[0].navigator.is_on);
   for (const char* wrong : {"solution = \"kalman\"\n", "gnss_rate_hz = 5\n",
                             "solution = \"filter\"\nheading_deg = 1\n", "solution = \"filter\"\nalignment_s = 0\n"})
     EXPECT_THROW(load(wrong), ConfigError) << wrong;
   const std::string nowhere =
       config_text("[earth]\nframe = \"none\"\n", "vectornav", 1, "[imu.navigation]\nsolution = \"filter\"\n");
   EXPECT_THROW(load_config(write("nowhere.toml", nowhere)), ConfigError);
+}
+
+// An INS computes its solution unless it has no places, no errors of a preset, or given errors of the attitude.
+TEST_F(SolutionTest, IsTheFiltersByDefault) {
+  const auto is_on = [&](const char* earth, const std::string& protocol, const std::string& keys) {
+    return load_config(write("default.toml", config_text(earth, protocol, 1, keys))).imus[0].navigator.is_on;
+  };
+  constexpr const char *inertial = "[earth]\nframe = \"inertial\"\n", *nowhere = "[earth]\nframe = \"none\"\n";
+  struct Unit {
+    const char *protocol, *model;
+    bool is_ins;
+  };
+  for (const Unit& unit :
+       {Unit{"vectornav", "vn-100", false}, Unit{"vectornav", "vn-200", true}, Unit{"vectornav", "vn-300", true},
+        Unit{"mip", "3dm-gx5-25", false}, Unit{"mip", "3dm-gx5-45", true}, Unit{"mip", "3dm-cv7-ahrs", false},
+        Unit{"mip", "3dm-cv7-ins", true}, Unit{"mip", "3dm-gq7", true}}) {
+    const std::string model = fmt::format("device.model = \"{}\"\n", unit.model);
+    EXPECT_EQ(is_on(inertial, unit.protocol, model), unit.is_ins) << unit.model;
+    EXPECT_EQ(is_on("", unit.protocol, model), unit.is_ins) << unit.model << ": JSBSim's truth has places";
+    EXPECT_FALSE(is_on(nowhere, unit.protocol, model)) << unit.model;
+    for (const char* keys : {"model = \"ideal\"\n", "model = \"white\"\n", "navigation.heading_deg = 1\n",
+                             "navigation.roll_pitch_deg = 1\n", "navigation.solution = \"truth\"\n"})
+      EXPECT_FALSE(is_on(inertial, unit.protocol, model + keys)) << unit.model << ": " << keys;
+    EXPECT_EQ(is_on(inertial, unit.protocol, model + "model = \"bmi088\"\n"), unit.is_ins) << unit.model;
+  }
+  EXPECT_TRUE(is_on(inertial, "sbg-can", "rate_hz = 200\n"));
+  EXPECT_FALSE(is_on(inertial, "stim300", ""));
 }
 
 }  // namespace
