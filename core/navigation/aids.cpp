@@ -1,0 +1,94 @@
+// The measurements of a Navigator's aids, each compared with the motion of its time.
+#include <cmath>
+
+#include "core/navigation/navigator.hpp"
+#include "core/numbers/elementary.hpp"
+#include "core/units.hpp"
+
+namespace imud {
+
+void Navigator::forget(unsigned aids) noexcept {
+  used_ = static_cast<std::uint16_t>(used_ & ~aids);
+  rejected_ = static_cast<std::uint16_t>(rejected_ & ~aids);
+}
+
+bool Navigator::use(std::uint16_t aid, const InertialFilter::Measurement& measurement) noexcept {
+  const bool is_used = filter_.normalized_square(measurement) <= model_.gate;
+  (is_used ? used_ : rejected_) |= aid;
+  if (!is_used) return false;
+  const InertialState before = filter_.motion();
+  filter_.update(measurement);
+  corrections_.v_N += filter_.motion().v_N - before.v_N;
+  corrections_.r_N += filter_.motion().r_N - before.r_N;
+  return true;
+}
+
+void Navigator::use_fix(const Sample& sample, const At& at) noexcept {
+  const Navigation& fix = sample.fix();
+  const std::uint64_t lag = past_.size() - 1;
+  if (!fix.is_known || number_ < aligned_at_ + lag) return;
+  const PositionVelocity measured = in_N(fix, at);
+  const Motion& past = past_[(number_ - lag) % past_.size()];
+  const Vector3 v_N = past.v_N + corrections_.v_N, r_N = past.r_N + corrections_.r_N;
+  const double early_s = seconds(latency_) - static_cast<double>(lag) * period_s_;  // of the fix before that
+  const Matrix3 axes = q_NL(measured, fix).conjugate().toRotationMatrix();
+  const double factor = static_cast<double>(fix.accuracy_factor);  // the receiver reports its accuracy
+  filter_.propagate();
+  // The present state stands for the one that was measured, whose errors differ by the errors of what is between.
+  const auto late2 = [&](int first, double rate) {
+    const double change = rate * seconds(latency_);
+    return change * change * filter_.covariance().diagonal().segment<3>(first).maxCoeff() * Vector3::Ones();
+  };
+  const Vector3 position_late2 = late2(InertialFilter::velocity, 1.0),
+                velocity_late2 = late2(InertialFilter::phi, units::standard_gravity);
+  const InertialFilter::Measurement position = {
+      .first = InertialFilter::position,
+      .axes_N = axes,
+      .innovation = axes * (measured.r_N - r_N + early_s * v_N),
+      .variance = position_late2 + Vector3((factor * model_.position).array().square())};
+  if (is_rejecting_ && rejecting_s_ > model_.accept_after_s) {  // the filter's own position is no longer trusted
+    filter_.add_variance(InertialFilter::position, position.innovation.squaredNorm());
+    filter_.add_variance(InertialFilter::velocity, (measured.v_N - v_N).squaredNorm());
+  }
+  if (!use(aid::position, position)) {
+    if (!is_rejecting_) rejecting_s_ = 0;
+    is_rejecting_ = true;
+    ++fixes_.rejected;
+    return;
+  }
+  // The position has corrected the velocity as well.
+  use(aid::velocity, {.first = InertialFilter::velocity,
+                      .axes_N = axes,
+                      .innovation = axes * (measured.v_N - past.v_N - corrections_.v_N),
+                      .variance = velocity_late2 + Vector3((factor * model_.velocity).array().square())});
+  ++fixes_.used;
+  since_fix_s_ = 0;
+  is_rejecting_ = false;
+}
+
+// The angle about the vertical between the horizontal parts of the measured field and of the Earth's.
+void Navigator::use_heading(const Sample& sample, const At& at) noexcept {
+  if (sample.magnetic_field.isZero(0.0)) return;
+  const Navigation here = place(at);
+  if (!here.is_known) return;
+  const PositionVelocity position = position_of(at);
+  const Quaternion q_LN = earth_.q_LN(position, here);
+  const Vector3 field = q_LN * (filter_.motion().q_NP * sample.magnetic_field), model = earth_.magnetic_field_L(here);
+  constexpr double least = 1e-6;  // T, of the horizontal part: near the poles of the field there is no heading
+  const auto is_steep = [](const Vector3& b) { return b.x() * b.x() + b.y() * b.y() < least * least; };
+  if (is_steep(field) || is_steep(model)) return;
+  const double angle =
+      elementary::atan2(field.x() * model.y() - field.y() * model.x(), field.x() * model.x() + field.y() * model.y());
+  InertialFilter::Measurement heading;
+  heading.first = InertialFilter::phi;
+  heading.rows = 1;
+  // A tilt about the horizontal part turns that by the tangent of the dip: 2 in the middle of Europe.
+  const double slope = model.z() / (model.x() * model.x() + model.y() * model.y());
+  heading.axes_N.row(0) = (q_LN.conjugate() * Vector3(-slope * model.x(), -slope * model.y(), 1)).transpose();
+  heading.innovation[0] = angle;
+  heading.variance[0] = model_.heading * model_.heading;
+  filter_.propagate();
+  ++(use(aid::magnetic_heading, heading) ? headings_.used : headings_.rejected);
+}
+
+}  // namespace imud
