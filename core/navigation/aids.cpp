@@ -1,8 +1,8 @@
 // The measurements of a Navigator's aids, each compared with the motion of its time.
 #include <cmath>
 
+#include "core/navigation/azimuth.hpp"
 #include "core/navigation/navigator.hpp"
-#include "core/numbers/elementary.hpp"
 #include "core/units.hpp"
 
 namespace imud {
@@ -77,16 +77,7 @@ void Navigator::use_heading(const Sample& sample, const At& at) noexcept {
   constexpr double least = 1e-6;  // T, of the horizontal part: near the poles of the field there is no heading
   const auto is_steep = [](const Vector3& b) { return b.x() * b.x() + b.y() * b.y() < least * least; };
   if (is_steep(field) || is_steep(model)) return;
-  const double angle =
-      elementary::atan2(field.x() * model.y() - field.y() * model.x(), field.x() * model.x() + field.y() * model.y());
-  InertialFilter::Measurement heading;
-  heading.first = InertialFilter::phi;
-  heading.rows = 1;
-  // A tilt about the horizontal part turns that by the tangent of the dip: 2 in the middle of Europe.
-  const double slope = model.z() / (model.x() * model.x() + model.y() * model.y());
-  heading.axes_N.row(0) = (q_LN.conjugate() * Vector3(-slope * model.x(), -slope * model.y(), 1)).transpose();
-  heading.innovation[0] = angle;
-  heading.variance[0] = model_.heading * model_.heading;
+  const InertialFilter::Measurement heading = azimuth_measurement(model, field, q_LN, model_.heading);
   filter_.propagate();
   ++(use(aid::magnetic_heading, heading) ? headings_.used : headings_.rejected);
 }

@@ -1,0 +1,21 @@
+#include "core/navigation/azimuth.hpp"
+
+#include "core/numbers/elementary.hpp"
+
+namespace imud {
+
+InertialFilter::Measurement azimuth_measurement(const Vector3& measured_L, const Vector3& estimated_L,
+                                                const Quaternion& q_LN, double sigma) noexcept {
+  const Vector3 &to = measured_L, &from = estimated_L;
+  InertialFilter::Measurement azimuth;
+  azimuth.first = InertialFilter::phi;
+  azimuth.rows = 1;
+  const double slope = to.z() / (to.x() * to.x() + to.y() * to.y());
+  azimuth.axes_N.row(0) = (q_LN.conjugate() * Vector3(-slope * to.x(), -slope * to.y(), 1)).transpose();
+  azimuth.innovation[0] =
+      elementary::atan2(from.x() * to.y() - from.y() * to.x(), from.x() * to.x() + from.y() * to.y());
+  azimuth.variance[0] = sigma * sigma;
+  return azimuth;
+}
+
+}  // namespace imud
