@@ -1,12 +1,14 @@
 #include "core/navigation/inertial_filter.hpp"
 
+#include <algorithm>
 #include <cmath>
+
+#include "core/numbers/elementary.hpp"
 
 namespace imud {
 namespace {
 
 using Covariance = InertialFilter::Covariance;
-using Rows = Eigen::Matrix<double, 3, InertialFilter::states>;
 
 Matrix3 cross_matrix(const Vector3& v) {
   Matrix3 m;
@@ -20,16 +22,21 @@ struct Transition {
   double r_v;
 
   // Replaces P by the transition matrix times P.
-  void apply(Covariance& P) const {
-    const Rows phi = P.middleRows<3>(InertialFilter::phi), v = P.middleRows<3>(InertialFilter::velocity),
-               r = P.middleRows<3>(InertialFilter::position), gyro = P.middleRows<3>(InertialFilter::gyro_bias),
-               accelerometer = P.middleRows<3>(InertialFilter::accelerometer_bias);
-    P.middleRows<3>(InertialFilter::phi) += phi_gyro.lazyProduct(gyro);
-    P.middleRows<3>(InertialFilter::velocity) = same.lazyProduct(v) + v_phi.lazyProduct(phi) +
-                                                v_gyro.lazyProduct(gyro) +
-                                                v_accelerometer.lazyProduct(accelerometer) + v_r.lazyProduct(r);
-    P.middleRows<3>(InertialFilter::position) = same.lazyProduct(r) + r_v * v + r_phi.lazyProduct(phi) +
-                                                r_gyro.lazyProduct(gyro) + r_accelerometer.lazyProduct(accelerometer);
+  template <int Columns>
+  void apply(Eigen::Matrix<double, InertialFilter::states, Columns>& P) const {
+    using Rows = Eigen::Matrix<double, 3, Columns>;
+    const Rows phi = P.template middleRows<3>(InertialFilter::phi),
+               v = P.template middleRows<3>(InertialFilter::velocity),
+               r = P.template middleRows<3>(InertialFilter::position),
+               gyro = P.template middleRows<3>(InertialFilter::gyro_bias),
+               accelerometer = P.template middleRows<3>(InertialFilter::accelerometer_bias);
+    P.template middleRows<3>(InertialFilter::phi) += phi_gyro.lazyProduct(gyro);
+    P.template middleRows<3>(InertialFilter::velocity) =
+        same.lazyProduct(v) + v_phi.lazyProduct(phi) + v_gyro.lazyProduct(gyro) +
+        v_accelerometer.lazyProduct(accelerometer) + v_r.lazyProduct(r);
+    P.template middleRows<3>(InertialFilter::position) = same.lazyProduct(r) + r_v * v + r_phi.lazyProduct(phi) +
+                                                         r_gyro.lazyProduct(gyro) +
+                                                         r_accelerometer.lazyProduct(accelerometer);
   }
 };
 
@@ -43,15 +50,34 @@ Matrix3 gravity_gradient(const Vector3& g_N, const Vector3& r_N) {
 
 }  // namespace
 
+InertialFilter::InertialFilter(const GravitationModel& gravitation, const IncrementDefinitions& definitions,
+                               const InertialNoise& noise, std::span<const AidError> aid_errors) noexcept
+    : strapdown_(gravitation, definitions),
+      noise_(noise),
+      aid_count_(std::min(static_cast<int>(aid_errors.size()), most_aid_errors)) {
+  std::copy_n(aid_errors.begin(), aid_count_, aids_.begin());
+}
+
 void InertialFilter::begin(const InertialState& state, const Vector3& gyro_bias_P,
                            const Vector3& accelerometer_bias_P, const Covariance& covariance) noexcept {
   strapdown_.begin(state);
   gyro_bias_ = gyro_bias_P;
   accelerometer_bias_ = accelerometer_bias_P;
   P_ = covariance;
+  e_.setZero();
+  C_.setZero();
+  D_.setZero();
+  for (int i = 0; i < aid_count_; ++i) D_(i, i) = aids_[static_cast<std::size_t>(i)].variance;
   time_s_ = turns2_s_ = 0;
   rotation_s_.setZero();
   dv_N_.setZero();
+}
+
+// The vector is measured less its noise, so that its error, true less estimated, has the error of the aid with the
+// other sign.
+void InertialFilter::begin_by(int first, const Matrix3& axes_N, int error) noexcept {
+  for (int i = 0; i < 3; ++i)
+    C_.block<3, 1>(first, error + i) = -D_(error + i, error + i) * axes_N.row(i).transpose();
 }
 
 void InertialFilter::advance(const Vector3& delta_angle, const Vector3& delta_velocity, double dt) noexcept {
@@ -83,6 +109,10 @@ void InertialFilter::propagate() noexcept {
   transition.apply(P_);
   P_.transposeInPlace();
   transition.apply(P_);
+  if (aid_count_ > 0) {
+    transition.apply(C_);
+    decay_aid_errors(t);
+  }
   const auto square = [](double x) { return x * x; };
   constexpr double manoeuvre_s = InertialNoise::manoeuvre_s;
   const double manoeuvre2_s = (dv_N_ + t * g_N).squaredNorm() / t;  // the integral of the squared acceleration
@@ -109,9 +139,32 @@ void InertialFilter::propagate() noexcept {
   dv_N_.setZero();
 }
 
+void InertialFilter::decay_aid_errors(double t) noexcept {
+  for (int i = 0; i < aid_count_; ++i) {
+    const AidError& aid = aids_[static_cast<std::size_t>(i)];
+    double added = aid.growth * t;
+    if (aid.rate > 0) {
+      const double left = elementary::exp(-t * aid.rate);
+      added = 0.5 * aid.growth / aid.rate * (1 - left * left);
+      e_[i] *= left;
+      C_.col(i) *= left;
+      D_.row(i) *= left;
+      D_.col(i) *= left;
+    }
+    D_(i, i) += added;
+  }
+}
+
 double InertialFilter::normalized_square(const Measurement& measurement) const noexcept {
   const Matrix3 block = P_.block<3, 3>(measurement.first, measurement.first);
   Matrix3 S = measurement.axes_N * block * measurement.axes_N.transpose();
+  const bool has_error = measurement.error >= 0;
+  if (has_error)
+    for (int i = 0; i < measurement.rows; ++i)
+      for (int j = 0; j < measurement.rows; ++j)
+        S(i, j) += measurement.axes_N.row(i).dot(C_.block<3, 1>(measurement.first, measurement.error + j)) +
+                   measurement.axes_N.row(j).dot(C_.block<3, 1>(measurement.first, measurement.error + i)) +
+                   D_(measurement.error + i, measurement.error + j);
   // By Cholesky's decomposition S = K K^T: the square of K^-1 y, row by row.
   Matrix3 K = Matrix3::Zero();
   Vector3 z = Vector3::Zero();
@@ -119,6 +172,7 @@ double InertialFilter::normalized_square(const Measurement& measurement) const n
   for (int i = 0; i < measurement.rows; ++i) {
     S(i, i) += measurement.variance[i];
     double y = measurement.innovation[i];
+    if (has_error) y -= e_[measurement.error + i];
     for (int j = 0; j <= i; ++j) {
       double s = S(i, j);
       for (int k = 0; k < j; ++k) s -= K(i, k) * K(j, k);
@@ -133,28 +187,56 @@ double InertialFilter::normalized_square(const Measurement& measurement) const n
 
 void InertialFilter::update(const Measurement& measurement) noexcept {
   State change = State::Zero();
-  for (int i = 0; i < measurement.rows; ++i)
-    update_row(measurement.first, measurement.axes_N.row(i).transpose(), measurement.innovation[i],
-               measurement.variance[i], change);
+  AidErrors aid_change = AidErrors::Zero();
+  for (int i = 0; i < measurement.rows; ++i) {
+    const bool has_error = measurement.error >= 0;
+    const int error = has_error ? measurement.error + i : -1;
+    update_row({.first = measurement.first,
+                .error = error,
+                .axis_N = measurement.axes_N.row(i).transpose(),
+                .innovation = has_error ? measurement.innovation[i] - e_[error] : measurement.innovation[i],
+                .variance = measurement.variance[i]},
+               change, aid_change);
+  }
   strapdown_.correct(change.segment<3>(phi), change.segment<3>(velocity), change.segment<3>(position));
   gyro_bias_ += change.segment<3>(gyro_bias);
   accelerometer_bias_ += change.segment<3>(accelerometer_bias);
+  e_ += aid_change;
 }
 
-// (I - k h) P (I - k h)^T + k r k^T = P - k (P h)^T - (P h) k^T + s k k^T, where s = h P h^T + r.
-void InertialFilter::update_row(int first, const Vector3& axis_N, double innovation, double variance,
-                                State& change) noexcept {
+// (I - k h) P (I - k h)^T + k r k^T = P - k (P h)^T - (P h) k^T + s k k^T, where s = h P h^T + r, for the states and
+// the aids' errors together.
+void InertialFilter::update_row(const Row& row, State& change, AidErrors& aid_change) noexcept {
+  const Vector3& axis_N = row.axis_N;
+  const int first = row.first;
   State Ph;
   for (int i = 0; i < states; ++i)
     Ph[i] = P_(i, first) * axis_N[0] + P_(i, first + 1) * axis_N[1] + P_(i, first + 2) * axis_N[2];
+  if (row.error >= 0) Ph += C_.col(row.error);
   const auto along = [&](const State& x) {
     return axis_N[0] * x[first] + axis_N[1] * x[first + 1] + axis_N[2] * x[first + 2];
   };
-  const double s = along(Ph) + variance;
+  AidErrors Dh = AidErrors::Zero();  // of the aids' errors, as Ph of the states
+  for (int i = 0; i < aid_count_; ++i) {
+    Dh[i] = along(C_.col(i));
+    if (row.error >= 0) Dh[i] += D_(i, row.error);
+  }
+  double s = along(Ph) + row.variance, innovation = row.innovation - along(change);
+  if (row.error >= 0) {
+    s += Dh[row.error];
+    innovation -= aid_change[row.error];
+  }
   const State k = Ph / s;
   for (int i = 0; i < states; ++i)
     for (int j = 0; j <= i; ++j) P_(i, j) = P_(j, i) = P_(i, j) - k[i] * Ph[j] - Ph[i] * k[j] + s * (k[i] * k[j]);
-  change += k * (innovation - along(change));
+  change += k * innovation;
+  for (int j = 0; j < aid_count_; ++j) {
+    const double of_aid = Dh[j] / s;
+    for (int i = 0; i < states; ++i) C_(i, j) += s * (k[i] * of_aid) - k[i] * Dh[j] - Ph[i] * of_aid;
+    for (int i = 0; i <= j; ++i)
+      D_(i, j) = D_(j, i) = D_(i, j) - Dh[i] / s * Dh[j] - Dh[i] * of_aid + s * (Dh[i] / s * of_aid);
+    aid_change[j] += of_aid * innovation;
+  }
 }
 
 void InertialFilter::add_variance(int first, double variance) noexcept {

@@ -16,7 +16,8 @@ import numpy as np
 
 from flights import FLIGHTS, exponential, inverse, logarithm, product, turned
 
-STATES, ALARM_DEVIATIONS, ALARM = 15, 4.8916, 1e-6  # of a normal distribution, both sides
+STATES, ERRORS = 15, 7  # of the aids
+ALARM_DEVIATIONS, ALARM = 4.8916, 1e-6  # of a normal distribution, both sides
 LAGS, BATCH = 5, 50
 
 
@@ -55,10 +56,12 @@ class Worse:
     accelerometer: float = 1
     position: float = 1
     velocity: float = 1
+    attitude: float = 1
+    height: float = 1
 
 
 def run(program, flight, seeds, worse, random):
-    """Returns errors and covariances at the epochs, seeds x epochs x ..., and whitened innovations, seeds x aids x 9."""
+    """Returns errors and covariances at the epochs, seeds x epochs x ..., and whitened innovations, seeds x aids x ..."""
     dt, steps = flight.dt, round(flight.seconds / flight.dt)
     steps_of_aid, steps_of_epoch = round(flight.aid_s / dt), round(flight.epoch_s / dt)
     aids, epochs = steps // steps_of_aid, steps // steps_of_epoch
@@ -75,9 +78,13 @@ def run(program, flight, seeds, worse, random):
 
     at = steps_of_aid * np.arange(1, aids + 1)
     shape = (seeds, aids, 3)
-    measured = np.concatenate([r[at] + worse.position * flight.position * normal(shape),
-                               v[at] + worse.velocity * flight.velocity * normal(shape),
-                               product(exponential(flight.attitude * normal(shape)), q[at])], axis=-1)
+    of_aids = flight.aid_errors()
+    slow = slow_errors(of_aids, flight.aid_s, seeds, aids, random)
+    turn = normal(shape) * ([0, 0, 1] if flight.attitude_rows == 1 else [1, 1, 1])
+    height = -r[at, 2, None] + slow[..., 6:] + worse.height * flight.height * normal((seeds, aids, 1))
+    measured = np.concatenate([r[at] + slow[..., :3] + worse.position * flight.position * normal(shape),
+                               v[at] + slow[..., 3:6] + worse.velocity * flight.velocity * normal(shape),
+                               product(exponential(worse.attitude * flight.attitude * turn), q[at]), height], axis=-1)
     rows = np.concatenate([angles, velocities], axis=-1).reshape(seeds, aids, 6 * steps_of_aid)
     rows = np.concatenate([rows, measured], axis=-1).reshape(seeds, -1)
     zero = np.zeros((seeds, 6))
@@ -85,41 +92,82 @@ def run(program, flight, seeds, worse, random):
                             np.broadcast_to(flight.first, (seeds, STATES))], axis=-1)
     kind = 3 if flight.is_global else 1
     head = np.concatenate([[kind, *flight.noise, dt, seeds, steps, steps_of_aid, steps_of_epoch, flight.attitude_rows],
-                           np.full(3, flight.position), np.full(3, flight.velocity), [flight.attitude]])
+                           np.full(3, flight.position), np.full(3, flight.velocity), [flight.attitude, flight.height],
+                           of_aids.ravel()])
     sent = head.tobytes() + np.concatenate([begin, rows], axis=-1).tobytes()
     output = subprocess.run([program], input=sent, check=True, timeout=1500, stdout=subprocess.PIPE).stdout
 
-    of_state, of_aid = 16 + STATES**2, 16 + STATES**2 + 9 + 3
+    of_state = 16 + ERRORS + STATES**2 + STATES * ERRORS + ERRORS**2
+    of_aid = of_state + 12 + 4
     per_epoch = steps_of_epoch // steps_of_aid
     blocks = np.frombuffer(output).reshape(seeds, epochs, per_epoch * of_aid + of_state)
     state = blocks[:, :, -of_state:]
     at = steps_of_epoch * np.arange(1, epochs + 1)
     error = np.concatenate([logarithm(product(q[at], inverse(state[:, :, :4]))), v[at] - state[:, :, 4:7],
                             r[at] - state[:, :, 7:10], gyro_bias[:, at - 1] - state[:, :, 10:13],
-                            bias[:, at - 1] - state[:, :, 13:16]], axis=-1)
-    covariance = state[:, :, 16:].reshape(seeds, epochs, STATES, STATES)
-    return error, covariance, whitened(flight, blocks[:, :, :-of_state].reshape(seeds, aids, of_aid))
+                            bias[:, at - 1] - state[:, :, 13:16],
+                            slow[:, per_epoch - 1::per_epoch] - state[:, :, 16:16 + ERRORS]], axis=-1)
+    used = np.concatenate([np.arange(STATES), STATES + np.flatnonzero(of_aids[:, 0])])
+    P = whole(state[:, :, 16:])
+    before = blocks[:, :, :-of_state].reshape(seeds, aids, of_aid)
+    return error[..., used], P[..., used[:, None], used], whitened(flight, measured[..., 6:10], before)
 
 
-def whitened(flight, aids):
+def slow_errors(of_aids, aid_s, seeds, aids, random):
+    """Returns the errors of the aids that have a memory, at each aid."""
+    variance, rate, growth = of_aids.T
+    kept = np.exp(-rate * aid_s)
+    moving = rate > 0
+    added = np.where(moving, growth / (2 * np.where(moving, rate, 1)) * (1 - kept**2), growth * aid_s)
+    errors = np.zeros((seeds, aids + 1, ERRORS))
+    errors[:, 0] = np.sqrt(variance) * random.standard_normal((seeds, ERRORS))
+    for k in range(aids):
+        errors[:, k + 1] = kept * errors[:, k] + np.sqrt(added) * random.standard_normal((seeds, ERRORS))
+    return errors[:, 1:]
+
+
+def whole(sent):
+    """Returns the covariance of the states and the aids' errors together."""
+    parts = np.split(sent[..., ERRORS:], [STATES**2, STATES**2 + STATES * ERRORS], axis=-1)
+    P = parts[0].reshape(sent.shape[:-1] + (STATES, STATES))
+    C = parts[1].reshape(sent.shape[:-1] + (ERRORS, STATES))  # by columns
+    D = parts[2].reshape(sent.shape[:-1] + (ERRORS, ERRORS))
+    return np.concatenate([np.concatenate([P, C.swapaxes(-1, -2)], axis=-1), np.concatenate([C, D], axis=-1)], axis=-2)
+
+
+def whitened(flight, q, aids):
     """Returns the innovations by their covariance: the blocks of Cholesky's factor, as the aids follow one another."""
-    P = aids[:, :, 16:16 + STATES**2].reshape(aids.shape[:2] + (STATES, STATES))
-    rows = [6, 7, 8, 3, 4, 5] + {0: [], 1: [2], 3: [0, 1, 2]}[flight.attitude_rows]
-    H = np.eye(STATES)[rows]
-    R = np.diag(np.repeat([flight.position**2, flight.velocity**2, flight.attitude**2], 3)[:len(rows)])
-    factor = np.linalg.cholesky(H @ P @ H.T + R)
-    innovation, squares = aids[:, :, -12:-3], aids[:, :, -3:]
-    z = np.zeros(innovation.shape[:2] + (len(rows),))
-    for i in range(0, len(rows), 3):
-        part = slice(i, min(i + 3, len(rows)))
-        z[:, :, part] = np.linalg.solve(factor[:, :, part, part], innovation[:, :, part, None])[..., 0]
-        assert np.allclose((z[:, :, part] ** 2).sum(axis=-1), squares[:, :, i // 3], rtol=1e-6, atol=1e-9)
+    rows = 6 + flight.attitude_rows + (1 if flight.height else 0)
+    H = np.zeros(aids.shape[:2] + (rows, STATES + ERRORS))
+    H[..., range(6), [6, 7, 8, 3, 4, 5]] = 1
+    H[..., range(6), range(STATES, STATES + 6)] = 1
+    columns, sigmas = list(range(6 + flight.attitude_rows)), [flight.position] * 3 + [flight.velocity] * 3
+    sigmas += [flight.attitude] * flight.attitude_rows
+    if flight.attitude_rows == 1:  # the azimuth of the x axis, by a small rotation
+        x = turned(q, np.broadcast_to([1.0, 0, 0], q.shape[:-1] + (3,)))
+        for axis in range(3):
+            moved = np.cross(np.eye(3)[axis], x)
+            H[..., 6, axis] = (x[..., 0] * moved[..., 1] - x[..., 1] * moved[..., 0]) / (x[..., :2]**2).sum(axis=-1)
+    elif flight.attitude_rows == 3:
+        H[..., [6, 7, 8], [0, 1, 2]] = 1
+    if flight.height:
+        H[..., -1, 8], H[..., -1, STATES + 6] = -1, 1
+        columns.append(9)
+        sigmas.append(flight.height)
+    factor = np.linalg.cholesky(H @ whole(aids[..., 16:-16]) @ H.swapaxes(-1, -2) + np.diag(np.square(sigmas)))
+    innovation, squares = aids[..., -16:-4][..., columns], aids[..., -4:]
+    z = np.zeros(innovation.shape)
+    ends = np.cumsum([0, 3, 3, flight.attitude_rows, rows - 6 - flight.attitude_rows])
+    for number, part in enumerate(slice(*pair) for pair in zip(ends[:-1], ends[1:])):
+        if part.start < part.stop:
+            z[..., part] = np.linalg.solve(factor[..., part, part], innovation[..., part, None])[..., 0]
+            assert np.allclose((z[..., part] ** 2).sum(axis=-1), squares[..., number], rtol=1e-6, atol=1e-9)
     return z
 
 
 def judge(name, error, covariance, z):
     """Returns what is wrong, and prints the figures."""
-    seeds, epochs, _ = error.shape
+    seeds, epochs, degrees = error.shape
     assert np.array_equal(covariance, covariance.swapaxes(-1, -2))
     nees = (error * np.linalg.solve(covariance, error[..., None])[..., 0]).sum(axis=-1)
     mean = nees.mean(axis=0)
@@ -129,13 +177,13 @@ def judge(name, error, covariance, z):
         if not bounds[0] <= value <= bounds[1]:
             wrong.append(f"{name}: {what} is {value:.4g}, not in {bounds[0]:.4g} to {bounds[1]:.4g}")
 
-    low, high = chi_square_mean(seeds, STATES, 1.96)
+    low, high = chi_square_mean(seeds, degrees, 1.96)
     outside = int(((mean < low) | (mean > high)).sum())
     check(f"epochs outside {low:.2f} to {high:.2f}", outside, (0, most_outside(epochs, 0.05)))
     for k in range(epochs):
-        check(f"NEES of epoch {k + 1}", mean[k], chi_square_mean(seeds, STATES, ALARM_DEVIATIONS))
+        check(f"NEES of epoch {k + 1}", mean[k], chi_square_mean(seeds, degrees, ALARM_DEVIATIONS))
     # The errors of a state that is not observed are the same at all epochs: as many independent squares as seeds.
-    check("mean NEES", nees.mean(), chi_square_mean(seeds, STATES, ALARM_DEVIATIONS))
+    check("mean NEES", nees.mean(), chi_square_mean(seeds, degrees, ALARM_DEVIATIONS))
     count = z.size
     square = (z**2).mean()
     check("mean square of the innovations", square, chi_square_mean(count, 1, ALARM_DEVIATIONS))
@@ -165,6 +213,8 @@ def main():
     print("and where sensors or aids are worse than the filter expects:")
     for worse in (Worse(gyro=2), Worse(accelerometer=4), Worse(position=math.sqrt(2)), Worse(velocity=math.sqrt(2))):
         assert judged("aeroplane", program, min(seeds, 50), worse, 9), worse
+    for worse in (Worse(attitude=2), Worse(height=2)):
+        assert judged("aided", program, min(seeds, 50), worse, 9), worse
 
 
 if __name__ == "__main__":

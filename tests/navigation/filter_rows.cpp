@@ -3,19 +3,23 @@
 // IN is not whole.
 //
 // IN: gravitation (GravitationModel::Kind), the four of InertialNoise, dt, runs, steps, steps between aids, steps
-// between epochs, rows of the attitude's aid (0, 1: about N's z axis, 3), standard deviations of the aids (3
-// position, 3 velocity, 1 attitude); then each run: its first q_NP, v_N, r_N, gyro and accelerometer bias, 15
-// standard deviations; each step: delta-angle (rotation vector), delta-velocity (integral), and at an aid position,
-// velocity, q_NP.
+// between epochs, rows of the attitude's aid (0, 1: the azimuth of the x axis about N's z axis, 3), standard
+// deviations of the aids (3 position, 3 velocity, 1 attitude, 1 height along N's -z, 0: there is none); of the aids'
+// errors the first variance, rate and growth (AidError), of 3 of position, 3 of velocity, 1 of height; then each run:
+// its first q_NP, v_N, r_N, gyro and accelerometer bias, 15 standard deviations; each step: delta-angle (rotation
+// vector), delta-velocity (integral), and at an aid position, velocity, q_NP, height.
 //
-// OUT: at each aid, before it: state, covariance (15 x 15), the innovations in the order of the aids as rows of 9,
-// and the three normalised squares; after the last step of each epoch, and after its aid: state, covariance.
+// OUT: at each aid, before it: estimates, the innovations, less the aids' errors, in the order of the aids as rows of
+// 12, and the four normalised squares; after the last step of each epoch, and after its aid: estimates. Estimates are
+// the state, the errors of the aids, the covariance (15 x 15), that of the states with the aids' errors (7 columns of
+// 15), and that of the aids' errors (7 x 7).
 #include <array>
 #include <cstdio>
 #include <cstdlib>
 #include <vector>
 
 #include "core/attitude.hpp"
+#include "core/navigation/azimuth.hpp"
 #include "core/navigation/inertial_filter.hpp"
 
 namespace {
@@ -50,7 +54,10 @@ void write(const Filter& filter) {
   write(motion.r_N);
   write(filter.gyro_bias_P());
   write(filter.accelerometer_bias_P());
+  write(filter.aid_errors().data(), Filter::most_aid_errors);
   write(filter.covariance().data(), Filter::states * Filter::states);
+  write(filter.cross_covariance().data(), Filter::states * Filter::most_aid_errors);
+  write(filter.aid_covariance().data(), Filter::most_aid_errors * Filter::most_aid_errors);
 }
 
 struct Settings {
@@ -60,7 +67,9 @@ struct Settings {
   std::uint64_t runs = 0, steps = 0, steps_of_aid = 0, steps_of_epoch = 0;
   int attitude_rows = 0;
   Vector3 position, velocity;  // standard deviations
-  double attitude = 0;
+  double attitude = 0, height = 0;
+  std::vector<Filter::AidError> errors;  // none where all are 0
+  int error_of(int first) const { return errors.empty() ? -1 : first; }
 };
 
 Settings read_settings() {
@@ -78,6 +87,14 @@ Settings read_settings() {
   settings.position = read_vector();
   settings.velocity = read_vector();
   settings.attitude = read<1>()[0];
+  settings.height = read<1>()[0];
+  bool has_errors = false;
+  for (int i = 0; i < Filter::most_aid_errors; ++i) {
+    const auto [variance, rate, growth] = read<3>();
+    settings.errors.push_back({variance, rate, growth});
+    has_errors = has_errors || variance > 0 || growth > 0;
+  }
+  if (!has_errors) settings.errors.clear();
   return settings;
 }
 
@@ -92,26 +109,43 @@ void begin(Filter& filter) {
 void take_aid(Filter& filter, const Settings& settings) {
   const Vector3 r_N = read_vector(), v_N = read_vector();
   const Quaternion q_NP = read_quaternion();
+  const double height = read<1>()[0];
   filter.propagate();
   write(filter);
-  const auto update = [&](Filter::Measurement measurement, const Vector3& sigma) {
-    measurement.variance = sigma.cwiseProduct(sigma);
-    write(measurement.innovation);
+  const auto update = [&](const Filter::Measurement& measurement) {
+    Vector3 innovation = measurement.innovation;
+    if (measurement.error >= 0)
+      innovation.head(measurement.rows) -= filter.aid_errors().segment(measurement.error, measurement.rows);
+    write(innovation);
     const double square = measurement.rows > 0 ? filter.normalized_square(measurement) : 0;
     if (measurement.rows > 0) filter.update(measurement);
     return square;
   };
-  const double position =
-      update({.first = Filter::position, .innovation = r_N - filter.motion().r_N}, settings.position);
-  const double velocity =
-      update({.first = Filter::velocity, .innovation = v_N - filter.motion().v_N}, settings.velocity);
-  Filter::Measurement attitude = {.first = Filter::phi, .rows = settings.attitude_rows};
-  attitude.innovation = log(q_NP * filter.motion().q_NP.conjugate());
-  if (settings.attitude_rows == 1) {
-    attitude.axes_N.row(0) = Vector3::UnitZ().transpose();
-    attitude.innovation = {attitude.innovation.z(), 0, 0};
-  }
-  write(Vector3(position, velocity, update(attitude, Vector3::Constant(settings.attitude))));
+  const auto squared = [](const Vector3& sigma) { return Vector3(sigma.cwiseProduct(sigma)); };
+  std::array<double, 4> squares;
+  squares[0] = update({.first = Filter::position,
+                       .innovation = r_N - filter.motion().r_N,
+                       .variance = squared(settings.position),
+                       .error = settings.error_of(0)});
+  squares[1] = update({.first = Filter::velocity,
+                       .innovation = v_N - filter.motion().v_N,
+                       .variance = squared(settings.velocity),
+                       .error = settings.error_of(3)});
+  Filter::Measurement attitude = {.first = Filter::phi,
+                                  .rows = settings.attitude_rows,
+                                  .innovation = log(q_NP * filter.motion().q_NP.conjugate()),
+                                  .variance = squared(Vector3::Constant(settings.attitude))};
+  if (settings.attitude_rows == 1)
+    attitude = azimuth_measurement(q_NP * Vector3::UnitX(), filter.motion().q_NP * Vector3::UnitX(),
+                                   Quaternion::Identity(), settings.attitude);
+  squares[2] = update(attitude);
+  Filter::Measurement up = {.first = Filter::position, .rows = settings.height > 0 ? 1 : 0};
+  up.axes_N.row(0) = -Vector3::UnitZ().transpose();
+  up.innovation = {height + filter.motion().r_N.z(), 0, 0};
+  up.variance = squared(Vector3::Constant(settings.height));
+  up.error = settings.error_of(6);
+  squares[3] = update(up);
+  write(squares.data(), squares.size());
 }
 
 }  // namespace
@@ -119,7 +153,7 @@ void take_aid(Filter& filter, const Settings& settings) {
 int main() {
   const Settings settings = read_settings();
   for (std::uint64_t run = 0; run < settings.runs; ++run) {
-    Filter filter(settings.gravitation, {}, settings.noise);
+    Filter filter(settings.gravitation, {}, settings.noise, settings.errors);
     begin(filter);
     for (std::uint64_t k = 1; k <= settings.steps; ++k) {
       const Vector3 delta_angle = read_vector(), delta_velocity = read_vector();

@@ -180,10 +180,22 @@ class Flight:
     position: float = 1.5  # of the aids, m, m/s, rad
     velocity: float = 0.1
     attitude: float = 0.02
-    attitude_rows: int = 0
+    attitude_rows: int = 0  # 1: the azimuth of the x axis, as two antennas measure it
+    height: float = 0  # m, of a barometer; 0: none
+    # Errors of the aids with a memory: standard deviation and correlation time of the fixes'; standard deviation at the
+    # begin and m/sqrt(s) of the random walk of the height's.
+    slow_position: tuple = (0, 1)
+    slow_velocity: tuple = (0, 1)
+    height_offset: tuple = (0, 0)
     dt: float = 0.02
     aid_s: float = 1  # between aids
     epoch_s: float = 20  # some correlation times: what noise and aids make of the errors is new
+
+    def aid_errors(self):
+        """Returns variances at the begin, rates of decay, and growths of the variances, of the seven errors."""
+        (r, r_s), (v, v_s), (height, walk) = self.slow_position, self.slow_velocity, self.height_offset
+        return np.array([[r * r, 1 / r_s, 2 * r * r / r_s]] * 3 + [[v * v, 1 / v_s, 2 * v * v / v_s]] * 3 +
+                        [[height * height, 0, walk * walk]])
 
     def gravitation(self, r):
         return normal_gravitation(r) if self.is_global else np.broadcast_to([0, 0, G], r.shape)
@@ -197,6 +209,10 @@ MEMS = (1e-4, 1e-3, 1e-6, 1e-5)
 TACTICAL = (1e-5, 3e-4, 1e-7, 1e-6)
 FLIGHTS = {
     "aeroplane": Flight(aeroplane, False, 240, MEMS, sigmas([0.02, 0.02, 0.05], 0.2, 2, 1e-3, 0.02)),
+    # With a barometer, two antennas, and a receiver whose errors are the same for a minute or ten.
+    "aided": Flight(aeroplane, False, 240, MEMS, sigmas([0.02, 0.02, 0.05], 0.2, 2, 1e-3, 0.02), attitude=0.01,
+                    attitude_rows=1, position=0.5, velocity=0.05, height=1, slow_position=(1.5, 600),
+                    slow_velocity=(0.1, 60), height_offset=(300, 0.13)),
     "quadrotor": Flight(quadrotor, False, 240, MEMS, sigmas([0.02, 0.02, 0.05], 0.2, 2, 2e-3, 0.03), attitude_rows=1),
     "car": Flight(car, True, 240, TACTICAL, sigmas(0.01, 0.2, 2, 1e-4, 0.01)),
     "rest": Flight(rest, True, 240, MEMS, sigmas(0.01, 0.05, 1, 3e-4, 0.01), velocity=0.02),

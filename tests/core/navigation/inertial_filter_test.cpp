@@ -5,6 +5,7 @@
 #include <Eigen/Cholesky>
 #include <cmath>
 #include <random>
+#include <vector>
 
 #include "core/attitude.hpp"
 #include "core/units.hpp"
@@ -162,6 +163,64 @@ TEST(InertialFilter, UpdatesAsScalarsDo) {
   filter.update(position);
   EXPECT_LT((filter.motion().r_N - Vector3(0.5, 1.6, 1.5)).norm(), 1e-12);
   EXPECT_LT((filter.covariance().diagonal().segment<3>(Filter::position) - Vector3(2, 0.8, 4.5)).norm(), 1e-12);
+}
+
+// With the variances p of the position, d of the aid's error and r of its noise: p/(p + d + r) of the innovation is
+// the position's, and d/(p + d + r) the error's.
+TEST(InertialFilter, EstimatesTheErrorOfAnAid) {
+  const Filter::AidError error = Filter::AidError::walk(3, 0);
+  Filter filter(flat_earth, {}, mems, {&error, 1});
+  Filter::Covariance P = Filter::Covariance::Zero();
+  P.diagonal().segment<3>(Filter::position).setConstant(4);
+  filter.begin({}, Vector3::Zero(), Vector3::Zero(), P);
+  const Filter::Measurement down = {
+      .first = Filter::position,
+      .rows = 1,
+      .axes_N = Vector3::UnitZ() * Vector3::UnitX().transpose() + Vector3::UnitX() * Vector3::UnitZ().transpose(),
+      .innovation = {7, 0, 0},
+      .variance = Vector3::Ones(),
+      .error = 0};
+  EXPECT_NEAR(filter.normalized_square(down), 49.0 / 14, 1e-12);
+  filter.update(down);
+  EXPECT_LT((filter.motion().r_N - Vector3(0, 0, 2)).norm(), 1e-12);
+  EXPECT_NEAR(filter.aid_errors()[0], 4.5, 1e-12);
+  EXPECT_NEAR(filter.covariance()(8, 8), 4 - 16.0 / 14, 1e-12);
+  EXPECT_NEAR(filter.aid_covariance()(0, 0), 9 - 81.0 / 14, 1e-12);
+  EXPECT_NEAR(filter.cross_covariance()(8, 0), -36.0 / 14, 1e-12);
+  // What is not explained is 7 - 2 - 4.5.
+  Filter::Measurement again = down;
+  again.innovation[0] = 5;
+  EXPECT_NEAR(filter.normalized_square(again), 0.25 / (1 + 13.0 / 14), 1e-12);
+}
+
+// A filter that begins at a fix has its error: the next fix, with the same error, differs by the noise of both.
+TEST(InertialFilter, BeginsWithTheErrorOfAnAid) {
+  const std::vector<Filter::AidError> errors(3, Filter::AidError::walk(3, 0));
+  Filter filter(flat_earth, {}, mems, errors);
+  Filter::Covariance P = Filter::Covariance::Zero();
+  P.diagonal().segment<3>(Filter::position).setConstant(9 + 1);
+  filter.begin({}, Vector3::Zero(), Vector3::Zero(), P);
+  const Matrix3 axes = exp(Vector3(0.1, 0.2, 0.3)).toRotationMatrix();
+  filter.begin_by(Filter::position, axes, 0);
+  const Filter::Measurement fix = {
+      .first = Filter::position, .axes_N = axes, .innovation = {1, 2, 3}, .variance = Vector3::Ones(), .error = 0};
+  EXPECT_NEAR(filter.normalized_square(fix), 14.0 / 2, 1e-12);
+}
+
+// A correlated error keeps its variance, and its estimate decays; a random walk grows.
+TEST(InertialFilter, TheErrorsOfAidsHaveTheirTimes) {
+  const std::vector<Filter::AidError> errors = {Filter::AidError::correlated(2, 10), Filter::AidError::walk(1, 0.5)};
+  Filter filter(flat_earth, {}, mems, errors);
+  Filter::Covariance P = Filter::Covariance::Zero();
+  P.diagonal().segment<3>(Filter::position).setConstant(1e-6);
+  filter.begin({}, Vector3::Zero(), Vector3::Zero(), P);
+  filter.update(
+      {.first = Filter::position, .rows = 1, .innovation = {5, 0, 0}, .variance = {1e-6, 1, 1}, .error = 0});
+  EXPECT_NEAR(filter.aid_errors()[0], 5, 1e-4);
+  for (int k = 0; k < 500; ++k) filter.advance(Vector3::Zero(), {0, 0, -dt * g}, dt);
+  EXPECT_NEAR(filter.aid_errors()[0], 5 * std::exp(-1), 1e-4);
+  EXPECT_NEAR(filter.aid_covariance()(0, 0), 4 * (1 - std::exp(-2)), 1e-4);
+  EXPECT_NEAR(filter.aid_covariance()(1, 1), 1 + 0.25 * 10, 1e-9);
 }
 
 }  // namespace
