@@ -79,37 +79,64 @@ double normal_gravity(double latitude, double height) noexcept {
   return surface * (1 - 2 * (1 + f + m - 2 * f * sin2) * up + 3 * up * up);
 }
 
+namespace {
+
+constexpr double atmosphere_radius = 6'356'766.0;  // m
+
+struct Layer {
+  double base_m, temperature_k, lapse_k_per_m;
+
+  // The logarithm of the ratio of the pressure at the base to that at `rise` m above it.
+  double log_ratio(double rise) const noexcept {
+    return lapse_k_per_m == 0 ? k * rise / temperature_k
+                              : k / lapse_k_per_m * elementary::log(1.0 + lapse_k_per_m * rise / temperature_k);
+  }
+  // The inverse.
+  double rise(double log_ratio) const noexcept {
+    return lapse_k_per_m == 0
+               ? log_ratio * temperature_k / k
+               : temperature_k / lapse_k_per_m * (elementary::exp(log_ratio * lapse_k_per_m / k) - 1.0);
+  }
+  static constexpr double k = 9.80665 * 28.9644e-3 / 8.31432;  // K/m
+};
+constexpr std::array<Layer, 8> layers = {{{0, 288.15, -6.5e-3},
+                                          {11'000, 216.65, 0},
+                                          {20'000, 216.65, 1e-3},
+                                          {32'000, 228.65, 2.8e-3},
+                                          {47'000, 270.65, 0},
+                                          {51'000, 270.65, -2.8e-3},
+                                          {71'000, 214.65, -2e-3},
+                                          {84'852, 186.946, 0}}};
+constexpr double sea_level = 101'325.0;  // Pa
+
+}  // namespace
+
 double geopotential_altitude(double height_m) noexcept {
-  constexpr double r0 = 6'356'766.0;
-  return r0 * height_m / (r0 + height_m);
+  return atmosphere_radius * height_m / (atmosphere_radius + height_m);
+}
+
+double height_of(double geopotential_m) noexcept {
+  return atmosphere_radius * geopotential_m / (atmosphere_radius - geopotential_m);
 }
 
 double standard_pressure(double geopotential_m) noexcept {
-  struct Layer {
-    double base_m, temperature_k, lapse_k_per_m;
-  };
-  constexpr std::array<Layer, 8> layers = {{{0, 288.15, -6.5e-3},
-                                            {11'000, 216.65, 0},
-                                            {20'000, 216.65, 1e-3},
-                                            {32'000, 228.65, 2.8e-3},
-                                            {47'000, 270.65, 0},
-                                            {51'000, 270.65, -2.8e-3},
-                                            {71'000, 214.65, -2e-3},
-                                            {84'852, 186.946, 0}}};
-  constexpr double k = 9.80665 * 28.9644e-3 / 8.31432;  // K/m
   double log_ratio = 0;
   for (std::size_t i = 0; i < layers.size(); ++i) {
-    const Layer& layer = layers[i];
     const bool is_last = i + 1 == layers.size() || geopotential_m < layers[i + 1].base_m;
     const double top = is_last ? geopotential_m : layers[i + 1].base_m;
-    const double rise = top - layer.base_m;
-    if (layer.lapse_k_per_m == 0)
-      log_ratio -= k * rise / layer.temperature_k;
-    else
-      log_ratio -= k / layer.lapse_k_per_m * elementary::log(1.0 + layer.lapse_k_per_m * rise / layer.temperature_k);
+    log_ratio -= layers[i].log_ratio(top - layers[i].base_m);
     if (is_last) break;
   }
-  return 101'325.0 * elementary::exp(log_ratio);
+  return sea_level * elementary::exp(log_ratio);
+}
+
+double standard_altitude(double pressure) noexcept {
+  double log_ratio = elementary::log(sea_level / pressure);  // from the base of the layer
+  for (std::size_t i = 0;; ++i) {
+    const double altitude = layers[i].base_m + layers[i].rise(log_ratio);
+    if (i + 1 == layers.size() || altitude < layers[i + 1].base_m) return altitude;
+    log_ratio -= layers[i].log_ratio(layers[i + 1].base_m - layers[i].base_m);
+  }
 }
 
 Earth::Earth(const EarthModel& model)

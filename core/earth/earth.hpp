@@ -47,8 +47,12 @@ double earth_rotation_angle(std::int64_t utc_s) noexcept;
 // Returns the pressure, Pa, at a geopotential altitude, m (U.S. Standard Atmosphere 1976, Eq. 33a and 33b). Above
 // 84.852 km, where the standard ends, the temperature stays constant; below sea level the lowest layer continues.
 double standard_pressure(double geopotential_m) noexcept;
+// Returns the geopotential altitude, m, that has this pressure, Pa, above 0: the inverse.
+double standard_altitude(double pressure) noexcept;
 // Returns the geopotential altitude, m, of a height, m, above -6 356 766 (U.S. Standard Atmosphere 1976, Eq. 18).
 double geopotential_altitude(double height_m) noexcept;
+// Returns the height, m, of a geopotential altitude, m, below 6 356 766: the inverse.
+double height_of(double geopotential_m) noexcept;
 
 // Returns normal gravity, gravitation and centrifugal acceleration together, m/s^2, at a latitude and a height above
 // the ellipsoid, m (NGA.STND.0036, Eq. 4-1 and 4-3, to the second order in the height; within 1e-6 m/s^2 at the

@@ -168,6 +168,12 @@ TEST(Earth, ThePressureIsTheStandardAtmospheres) {
   EXPECT_GE(standard_pressure(1e9), 0);
 }
 
+TEST(Earth, AltitudeIsTheInverseOfPressure) {
+  for (const double altitude : {-500.0, 0.0, 1234.5, 10'999.9, 11'000.0, 15e3, 25e3, 40e3, 50e3, 60e3, 80e3, 90e3})
+    EXPECT_NEAR(standard_altitude(standard_pressure(altitude)), altitude, 1e-6) << altitude;
+  EXPECT_NEAR(height_of(geopotential_altitude(12'345)), 12'345, 1e-8);
+}
+
 TEST(Earth, PositionsBetweenTruthsFollowTheirVelocities) {
   Timeline timeline;
   const auto at = [](double t) {  // a circle of 8 s
