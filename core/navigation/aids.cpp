@@ -82,4 +82,27 @@ void Navigator::use_heading(const Sample& sample, const At& at) noexcept {
   ++(use(aid::magnetic_heading, heading) ? headings_.used : headings_.rejected);
 }
 
+void Navigator::use_height(const Sample& sample, const At& at) noexcept {
+  if (!(sample.pressure > 0)) return;
+  const Navigation here = place(at);
+  if (!here.is_known) return;
+  InertialFilter::Measurement height = {.first = InertialFilter::position, .rows = 1};
+  height.axes_N.row(0) = -(q_NL(position_of(at), here) * Vector3::UnitZ()).transpose();
+  height.innovation[0] = height_of(standard_altitude(sample.pressure)) - here.height;
+  height.variance[0] = model_.barometric_height * model_.barometric_height;
+  height.error = height_error_;
+  filter_.propagate();
+  if (heights_rejected_s_ > model_.accept_after_s) {  // the barometer's offset is another
+    const double beyond = height.innovation[0] - filter_.aid_errors()[height_error_];
+    filter_.add_aid_variance(height_error_, beyond * beyond);
+  }
+  if (use(aid::pressure, height)) {
+    ++heights_.used;
+    heights_rejected_s_ = 0;
+  } else {
+    ++heights_.rejected;
+    heights_rejected_s_ += static_cast<double>(height_every_) * period_s_;
+  }
+}
+
 }  // namespace imud

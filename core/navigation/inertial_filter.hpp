@@ -92,6 +92,8 @@ class InertialFilter {
   void update(const Measurement& measurement) noexcept;
   // Adds to the variance of one of the vectors, isotropically.
   void add_variance(int first, double variance) noexcept;
+  // Adds to the variance of the aids' error number `error`.
+  void add_aid_variance(int error, double variance) noexcept { D_(error, error) += variance; }
 
  private:
   struct Row {

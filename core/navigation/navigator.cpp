@@ -18,6 +18,17 @@ std::uint64_t samples_of(Nanoseconds latency, double rate_hz) {
   return static_cast<std::uint64_t>(seconds(latency) * rate_hz + 0.5);
 }
 
+// The errors of the aids that the filter estimates.
+struct AidErrors {
+  explicit AidErrors(const NavigatorModel& model) {
+    if (model.barometer_rate_hz <= 0) return;
+    height = static_cast<int>(all.size());
+    all.push_back(InertialFilter::AidError::walk(NavigatorModel::barometric_offset, model.barometric_walk));
+  }
+  std::vector<InertialFilter::AidError> all;
+  int height = -1;  // the number of the error of heights
+};
+
 // Returns the covariance of components in other axes; `axes` has the directions of its own as columns.
 Matrix3 turned(const Matrix3& axes, const Vector3& sigma) {
   return axes * sigma.cwiseProduct(sigma).asDiagonal() * axes.transpose();
@@ -29,11 +40,13 @@ Navigator::Navigator(const NavigatorModel& model, const ImuModel& imu)
     : model_(model),
       earth_(imu.earth),
       start_gps_ns_(imu.earth.start_gps_ns),
-      filter_(model_.gravitation, {imu.delta_angle, imu.delta_velocity}, model_.noise),
+      filter_(model_.gravitation, {imu.delta_angle, imu.delta_velocity}, model_.noise, AidErrors(model_).all),
       period_s_(1.0 / imu.rate_hz),
       latency_(imu.navigation.latency),
       fix_every_(samples_between(imu.rate_hz, model_.gnss_rate_hz)),
       heading_every_(samples_between(imu.rate_hz, model_.magnetic_rate_hz)),
+      height_every_(samples_between(imu.rate_hz, model_.barometer_rate_hz)),
+      height_error_(AidErrors(model_).height),
       past_(static_cast<std::size_t>(samples_of(latency_, imu.rate_hz) + 1)) {}
 
 void Navigator::restart() noexcept {
@@ -86,6 +99,10 @@ void Navigator::take(Sample& sample, TruthTime time, std::optional<double> earth
     if (heading_every_ > 0 && since % heading_every_ == 0) {
       forget(aid::magnetic_heading);
       use_heading(sample, at);
+    }
+    if (height_every_ > 0 && since % height_every_ == 0) {
+      forget(aid::pressure);
+      use_height(sample, at);
     }
   }
   ++number_;
@@ -194,6 +211,7 @@ void Navigator::begin_filter(const PositionVelocity& now, const Sample& sample, 
   aligned_at_ = number_;
   since_fix_s_ = 0;
   is_rejecting_ = false;
+  heights_rejected_s_ = 0;
   corrections_ = {};
   used_ = rejected_ = 0;
 }

@@ -45,6 +45,7 @@ class Navigator {
   };
   const Counts& fixes() const noexcept { return fixes_; }
   const Counts& headings() const noexcept { return headings_; }
+  const Counts& heights() const noexcept { return heights_; }  // barometric
 
  private:
   struct At {  // of a sample
@@ -61,6 +62,7 @@ class Navigator {
                     const Vector2& sigma) noexcept;
   void use_fix(const Sample& sample, const At& at) noexcept;
   void use_heading(const Sample& sample, const At& at) noexcept;
+  void use_height(const Sample& sample, const At& at) noexcept;
   // An aid's bits are forgotten when it is due.
   void forget(unsigned aids) noexcept;
   bool use(std::uint16_t aid, const InertialFilter::Measurement& measurement) noexcept;
@@ -86,7 +88,8 @@ class Navigator {
   std::optional<Vector3> first_v_N_;       // m/s, at its begin
   double period_s_;
   Nanoseconds latency_;
-  std::uint64_t fix_every_, heading_every_;  // samples; 0: never
+  std::uint64_t fix_every_, heading_every_, height_every_;  // samples; 0: never
+  int height_error_;                                        // InertialFilter::Measurement::error of heights
   // The motion after the last samples, a ring by their numbers: a late fix is compared with the motion then. Without
   // the corrections, whose sum of all time is added at the comparison: what a fix has corrected is no error in the
   // next.
@@ -108,7 +111,8 @@ class Navigator {
   At at_;  // of the last sample that the filter has integrated
   Geodetic origin_;
   std::int64_t receiver_clock_ns_ = 0;  // the receiver's GPS time less the true one
-  Counts fixes_, headings_;
+  double heights_rejected_s_ = 0;       // for which all heights have been rejected
+  Counts fixes_, headings_, heights_;
   std::uint16_t used_ = 0, rejected_ = 0;  // Solution's
 };
 

@@ -34,6 +34,13 @@ struct NavigatorModel {
   Vector3 position = {1.5, 1.5, 3.0};    // m, standard deviations of a fix for which the filter allows, above 0
   Vector3 velocity = {0.05, 0.05, 0.1};  // m/s
   double heading = 0.035;                // rad, of a magnetic heading
+  // The rate of barometric heights; 0: none is used. The difference of a height by the standard atmosphere from one
+  // above the ellipsoid is estimated, as a random walk: weather, the geoid, and the barometer's own errors.
+  double barometer_rate_hz = 0;
+  double barometric_height = 1;  // m, standard deviation of one height, above 0; chosen
+  // m/sqrt(s), above 0: PX4's baro_bias_nsd (PX4-Autopilot, src/modules/ekf2/EKF/common.h, commit 0058953e).
+  double barometric_walk = 0.13;
+  static constexpr double barometric_offset = 500;  // m, standard deviation of the difference at the begin; chosen
   InertialNoise noise;
   double gyro_bias = 0, accelerometer_bias = 0;  // rad/s, m/s^2: standard deviations at the begin
   // A measurement is rejected where the square of its innovation, in units of the covariance, is above this; after

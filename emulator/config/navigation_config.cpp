@@ -92,6 +92,9 @@ void read_navigator(TableReader& table, const TruthConfig& truth, ImuConfig& imu
   navigator.gnss_rate_hz = number("gnss_rate_hz", navigator.gnss_rate_hz, 0, 100);
   navigator.magnetic_rate_hz = number("magnetic_rate_hz", navigator.magnetic_rate_hz, 0, 100);
   navigator.heading = units::degree * number("magnetic_heading_deg", 2, 0.01, 180);
+  navigator.barometer_rate_hz = number("barometer_rate_hz", navigator.barometer_rate_hz, 0, 100);
+  navigator.barometric_height = number("barometric_height_m", navigator.barometric_height, 0.01, most);
+  navigator.barometric_walk = number("barometric_walk_m_per_rt_s", navigator.barometric_walk, 1e-6, most);
   navigator.accept_after_s = number("accept_after_s", navigator.accept_after_s, 0, 1e6);
   if (!navigator.is_on) return;
   check_places(table, places);

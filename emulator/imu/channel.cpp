@@ -64,10 +64,13 @@ void Channel::set_faults(std::span<const ActiveFault> wire, std::span<const Acti
 
 void Channel::prepare(std::optional<TruthTime> truth, bool silent) noexcept {
   if (const Navigator* navigator = sensor.navigator()) {
-    counters.fixes_used.store(navigator->fixes().used, std::memory_order_relaxed);
-    counters.fixes_rejected.store(navigator->fixes().rejected, std::memory_order_relaxed);
-    counters.headings_used.store(navigator->headings().used, std::memory_order_relaxed);
-    counters.headings_rejected.store(navigator->headings().rejected, std::memory_order_relaxed);
+    const auto store = [](const Navigator::Counts& counts, Counter& used, Counter& rejected) {
+      used.store(counts.used, std::memory_order_relaxed);
+      rejected.store(counts.rejected, std::memory_order_relaxed);
+    };
+    store(navigator->fixes(), counters.fixes_used, counters.fixes_rejected);
+    store(navigator->headings(), counters.headings_used, counters.headings_rejected);
+    store(navigator->heights(), counters.heights_used, counters.heights_rejected);
   }
   const SampleFeed* const feed = awaited.feed();
   Sample& sample = sensor.sample();

@@ -164,10 +164,11 @@ TEST_F(SummaryTest, TheJsonHasEveryFigure) {
                           "lost", "rate_hz", "stops", "returns", "clock_rate", "offset_us", "jitter_us", "age_us"})
     EXPECT_TRUE(all["truth"].contains(key)) << key;
   for (const char* key :
-       {"samples",        "frames",         "dropped",           "extrapolated", "held",          "silent",
-        "missed",         "skipped",        "replies",           "at_rest",      "edges_refused", "fixes_used",
-        "fixes_rejected", "headings_used",  "headings_rejected", "lateness_us",  "write_us",      "reply_us",
-        "bus_errors",     "error_warnings", "error_passives",    "bus_offs",     "bus_restarts",  "refused"})
+       {"samples",        "frames",           "dropped",           "extrapolated",   "held",           "silent",
+        "missed",         "skipped",          "replies",           "at_rest",        "edges_refused",  "fixes_used",
+        "fixes_rejected", "headings_used",    "headings_rejected", "lateness_us",    "write_us",       "reply_us",
+        "heights_used",   "heights_rejected", "bus_errors",        "error_warnings", "error_passives", "bus_offs",
+        "bus_restarts",   "refused"})
     EXPECT_TRUE(all["imus"][1].contains(key)) << key;
 }
 

@@ -117,7 +117,8 @@ TEST_F(SolutionTest, KeysAreChecked) {
                                                           "[imu.navigation]\n" + keys)));
   };
   EXPECT_TRUE(load("solution = \"filter\"\ngnss_rate_hz = 10\n").imus[0].navigator.is_on);
-  for (const char* wrong : {"solution = \"kalman\"\n", "gnss_rate_hz = 5\n",
+  for (const char* wrong : {"solution = \"kalman\"\n", "gnss_rate_hz = 5\n", "barometer_rate_hz = 5\n",
+                            "solution = \"filter\"\nbarometric_height_m = 0\n",
                             "solution = \"filter\"\nheading_deg = 1\n", "solution = \"filter\"\nalignment_s = 0\n"})
     EXPECT_THROW(load(wrong), ConfigError) << wrong;
   const std::string nowhere =
