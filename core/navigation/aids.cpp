@@ -105,4 +105,38 @@ void Navigator::use_height(const Sample& sample, const At& at) noexcept {
   }
 }
 
+// The sensors cannot tell rest from a smooth flight. The receiver's velocity can, and without a fix the solution's
+// own must be small: a unit that has coasted for long beyond `fastest` finds no rest.
+bool Navigator::is_slow(const Navigation& here, const Navigation& fix) const noexcept {
+  constexpr double fastest = 2.0, deviations = 5.0;  // m/s; both chosen
+  if (here.v_L.squaredNorm() > fastest * fastest) return false;
+  if (!fix.is_known) return true;
+  const Vector3 largest = deviations * static_cast<double>(fix.accuracy_factor) * model_.velocity;
+  return (fix.v_L.array().abs() <= largest.array()).all();
+}
+
+void Navigator::use_rest(const Sample& sample, const At& at, double dt) noexcept {
+  const Vector3 g_N = gravitation_N(filter_.gravitation(), filter_.motion().r_N);
+  const std::optional<bool> is_at_rest =
+      rest_detector_.add(sample.delta_angle - dt * filter_.gyro_bias_P(),
+                         sample.delta_velocity - dt * filter_.accelerometer_bias_P(), dt, g_N.norm());
+  if (!is_at_rest) return;
+  forget(aid::zero_velocity);
+  Navigation here = place(at);
+  if (!*is_at_rest || !here.is_known) return;
+  if (!is_slow(here, sample.fix())) {
+    rejected_ |= aid::zero_velocity;
+    ++rests_.rejected;
+    return;
+  }
+  here.v_L.setZero();
+  const PositionVelocity still = earth_.position_velocity(here, at.time, at.earth_angle);
+  constexpr double sigma = 0.02;  // m/s; chosen
+  filter_.propagate();
+  const bool is_used = use(aid::zero_velocity, {.first = InertialFilter::velocity,
+                                                .innovation = still.v_N - filter_.motion().v_N,
+                                                .variance = Vector3::Constant(sigma * sigma)});
+  ++(is_used ? rests_.used : rests_.rejected);
+}
+
 }  // namespace imud

@@ -47,7 +47,8 @@ Navigator::Navigator(const NavigatorModel& model, const ImuModel& imu)
       heading_every_(samples_between(imu.rate_hz, model_.magnetic_rate_hz)),
       height_every_(samples_between(imu.rate_hz, model_.barometer_rate_hz)),
       height_error_(AidErrors(model_).height),
-      past_(static_cast<std::size_t>(samples_of(latency_, imu.rate_hz) + 1)) {}
+      past_(static_cast<std::size_t>(samples_of(latency_, imu.rate_hz) + 1)),
+      rest_detector_(model_.noise) {}
 
 void Navigator::restart() noexcept {
   is_aligned_ = has_begun_ = false;
@@ -104,6 +105,7 @@ void Navigator::take(Sample& sample, TruthTime time, std::optional<double> earth
       forget(aid::pressure);
       use_height(sample, at);
     }
+    if (model_.zero_velocity && dt > 0) use_rest(sample, at, dt);
   }
   ++number_;
   if (write(sample, at)) return;
@@ -212,6 +214,7 @@ void Navigator::begin_filter(const PositionVelocity& now, const Sample& sample, 
   since_fix_s_ = 0;
   is_rejecting_ = false;
   heights_rejected_s_ = 0;
+  rest_detector_.begin();
   corrections_ = {};
   used_ = rejected_ = 0;
 }

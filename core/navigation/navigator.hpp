@@ -8,6 +8,7 @@
 #include "core/earth/earth.hpp"
 #include "core/navigation/coarse_alignment.hpp"
 #include "core/navigation/inertial_filter.hpp"
+#include "core/navigation/rest_detector.hpp"
 #include "core/sample.hpp"
 #include "core/timeline.hpp"
 
@@ -46,6 +47,8 @@ class Navigator {
   const Counts& fixes() const noexcept { return fixes_; }
   const Counts& headings() const noexcept { return headings_; }
   const Counts& heights() const noexcept { return heights_; }  // barometric
+  // The rests that the sensors have found, each of a second.
+  const Counts& rests() const noexcept { return rests_; }
 
  private:
   struct At {  // of a sample
@@ -63,6 +66,8 @@ class Navigator {
   void use_fix(const Sample& sample, const At& at) noexcept;
   void use_heading(const Sample& sample, const At& at) noexcept;
   void use_height(const Sample& sample, const At& at) noexcept;
+  void use_rest(const Sample& sample, const At& at, double dt) noexcept;
+  bool is_slow(const Navigation& here, const Navigation& fix) const noexcept;
   // An aid's bits are forgotten when it is due.
   void forget(unsigned aids) noexcept;
   bool use(std::uint16_t aid, const InertialFilter::Measurement& measurement) noexcept;
@@ -112,7 +117,8 @@ class Navigator {
   Geodetic origin_;
   std::int64_t receiver_clock_ns_ = 0;  // the receiver's GPS time less the true one
   double heights_rejected_s_ = 0;       // for which all heights have been rejected
-  Counts fixes_, headings_, heights_;
+  RestDetector rest_detector_;
+  Counts fixes_, headings_, heights_, rests_;
   std::uint16_t used_ = 0, rejected_ = 0;  // Solution's
 };
 

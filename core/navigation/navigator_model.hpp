@@ -41,6 +41,7 @@ struct NavigatorModel {
   // m/sqrt(s), above 0: PX4's baro_bias_nsd (PX4-Autopilot, src/modules/ekf2/EKF/common.h, commit 0058953e).
   double barometric_walk = 0.13;
   static constexpr double barometric_offset = 500;  // m, standard deviation of the difference at the begin; chosen
+  bool zero_velocity = false;                       // a vehicle that is found to be at rest has no velocity
   InertialNoise noise;
   double gyro_bias = 0, accelerometer_bias = 0;  // rad/s, m/s^2: standard deviations at the begin
   // A measurement is rejected where the square of its innovation, in units of the covariance, is above this; after

@@ -69,12 +69,12 @@ std::string solution_text(const NavigatorModel& navigator) {
                                                            fmt::format("{:.3g} m", navigator.barometric_height)))
                                  : std::string();
   return fmt::format(
-      "solution by the unit's filter: {}, {}{}; {}",
+      "solution by the unit's filter: {}, {}{}{}; {}",
       aid(navigator.gnss_rate_hz, "fixes",
           fmt::format("{:.3g} m, {:.3g} m/s north", navigator.position.x(), navigator.velocity.x())),
       aid(navigator.magnetic_rate_hz, "magnetic headings",
           fmt::format("{:.3g} deg", navigator.heading / units::degree)),
-      height,
+      height, navigator.zero_velocity ? ", no velocity at rest" : "",
       is_coarse ? fmt::format("no place until it has aligned, {:g} s after the first fix", navigator.alignment_s)
                 : "it begins at the true attitude");
 }

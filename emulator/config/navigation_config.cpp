@@ -95,6 +95,10 @@ void read_navigator(TableReader& table, const TruthConfig& truth, ImuConfig& imu
   navigator.barometer_rate_hz = number("barometer_rate_hz", navigator.barometer_rate_hz, 0, 100);
   navigator.barometric_height = number("barometric_height_m", navigator.barometric_height, 0.01, most);
   navigator.barometric_walk = number("barometric_walk_m_per_rt_s", navigator.barometric_walk, 1e-6, most);
+  if (navigator.is_on || table.has("zero_velocity")) {
+    navigator.zero_velocity = table.flag("zero_velocity", false);
+    check("zero_velocity");
+  }
   navigator.accept_after_s = number("accept_after_s", navigator.accept_after_s, 0, 1e6);
   if (!navigator.is_on) return;
   check_places(table, places);

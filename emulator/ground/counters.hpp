@@ -129,13 +129,16 @@ struct ImuCounters : CounterGroup {
   Counter connections_refused{*this, {"connections_refused", "connections refused"}};
   // Edges on the trigger and PPS pins that Sync refused.
   Counter edges_refused{*this, {"edges_refused", "edges refused", Show::if_not_zero, Show::if_not_zero}};
-  // Fixes of the receiver, magnetic headings and barometric heights that the unit's own filter used, and rejected.
+  // Fixes of the receiver, magnetic headings, barometric heights and rests that the unit's own filter used, and
+  // rejected.
   Counter fixes_used{*this, {"fixes_used", "fixes used"}};
   Counter fixes_rejected{*this, {"fixes_rejected", "fixes rejected", Show::if_not_zero, Show::if_not_zero}};
   Counter headings_used{*this, {"headings_used", "headings used"}};
   Counter headings_rejected{*this, {"headings_rejected", "headings rejected", Show::if_not_zero, Show::if_not_zero}};
   Counter heights_used{*this, {"heights_used", "heights used"}};
   Counter heights_rejected{*this, {"heights_rejected", "heights rejected", Show::if_not_zero, Show::if_not_zero}};
+  Counter rests_used{*this, {"rests_used", "rests used"}};
+  Counter rests_rejected{*this, {"rests_rejected", "rests rejected", Show::if_not_zero, Show::if_not_zero}};
   // From a sample's instant to the beginning of its write, and the duration of that write.
   Durations lateness{*this, "lateness_us"};
   Durations write{*this, "write_us"};

@@ -71,6 +71,7 @@ void Channel::prepare(std::optional<TruthTime> truth, bool silent) noexcept {
     store(navigator->fixes(), counters.fixes_used, counters.fixes_rejected);
     store(navigator->headings(), counters.headings_used, counters.headings_rejected);
     store(navigator->heights(), counters.heights_used, counters.heights_rejected);
+    store(navigator->rests(), counters.rests_used, counters.rests_rejected);
   }
   const SampleFeed* const feed = awaited.feed();
   Sample& sample = sensor.sample();

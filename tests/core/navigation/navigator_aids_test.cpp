@@ -1,7 +1,9 @@
 // The aids of a unit's own filter beside fixes and magnetic headings.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <cstdint>
 
 #include "tests/core/navigation/navigating.hpp"
 
@@ -72,6 +74,71 @@ TEST(NavigatorAids, NoPressureIsNoHeight) {
   const auto look = [](const Sample&, const Errors&, double) {};
   fly(unit_with_barometer(), 5, lose, look, 1, in_time, turn_at,
       [](const Navigator& navigator) { EXPECT_EQ(navigator.heights().used + navigator.heights().rejected, 0U); });
+}
+
+// At rest for a minute, then straight on at 30 m/s, without a rotation or a vibration.
+Truth stop_and_go(TruthTime time) {
+  constexpr double begin = 60, end = 70, acceleration = 3;
+  const double t = seconds(time - TruthTime{}), moved = std::clamp(t, begin, end) - begin;
+  Truth truth;
+  truth.time = time;
+  truth.has_position = truth.has_velocity = truth.has_specific_force = true;
+  truth.v_BN_N = {acceleration * moved, 0, 0};
+  truth.r_BN_N = {0.5 * acceleration * moved * moved + acceleration * moved * std::max(0.0, t - end), 0, -100};
+  truth.specific_force_B = {t > begin && t < end ? acceleration : 0, 0, -units::standard_gravity};
+  return truth;
+}
+
+struct Stop {
+  double error = 0;  // m, the largest of the position at rest
+  std::uint64_t used_at_rest = 0, used = 0, rejected = 0;
+};
+Stop stop(bool zero_velocity, bool has_fixes) {
+  NavigatingUnit model = mems_unit();
+  model.navigator.zero_velocity = zero_velocity;
+  Stop result;
+  const auto outage = [&](Sample& sample, double t) {
+    if (t > 10 && !has_fixes) lose_fix(sample);
+  };
+  const auto look = [&](const Sample&, const Errors& errors, double t) {
+    if (t > 10 && t < 60) result.error = std::max(result.error, errors.position.norm());
+  };
+  const auto end = [&](const Navigator& navigator) {
+    result.used = navigator.rests().used;
+    result.rejected = navigator.rests().rejected;
+  };
+  fly(
+      model, 59, outage, [](const Sample&, const Errors&, double) {}, 1, in_time, stop_and_go, end);
+  result.used_at_rest = result.used;
+  fly(model, 120, outage, look, 1, in_time, stop_and_go, end);
+  return result;
+}
+
+// Fifty seconds without a fix: a vehicle that is found to be at rest stays where it is. In the smooth flight after it
+// none is found at rest, where the receiver has its velocity, and where the solution alone has it.
+TEST(NavigatorAids, RestHasNoVelocity) {
+  const Stop without = stop(false, false), with = stop(true, false), fixed = stop(true, true);
+  EXPECT_GT(without.error, 10);
+  EXPECT_LT(with.error, 4);
+  EXPECT_EQ(without.used, 0U);
+  for (const Stop& one : {with, fixed}) {
+    EXPECT_NEAR(static_cast<double>(one.used_at_rest), 58, 1);
+    EXPECT_LE(one.used, one.used_at_rest + 1);
+    EXPECT_GT(one.rejected, 40U);  // the sensors alone take it for rest
+  }
+}
+
+// The receiver contradicts a solution that has stood still wrongly.
+TEST(NavigatorAids, TheReceiverContradictsRest) {
+  NavigatingUnit model = mems_unit();
+  model.navigator.zero_velocity = true;
+  const auto moving = [](Sample& sample, double) { sample.navigation.v_L.x() += 1; };
+  fly(
+      model, 30, moving, [](const Sample&, const Errors&, double) {}, 1, in_time, stop_and_go,
+      [](const Navigator& navigator) {
+        EXPECT_EQ(navigator.rests().used, 0U);
+        EXPECT_GT(navigator.rests().rejected, 25U);
+      });
 }
 
 }  // namespace
