@@ -1,4 +1,5 @@
 // The measurements of a Navigator's aids, each compared with the motion of its time.
+#include <algorithm>
 #include <cmath>
 
 #include "core/navigation/azimuth.hpp"
@@ -41,11 +42,17 @@ void Navigator::use_fix(const Sample& sample, const At& at) noexcept {
   };
   const Vector3 position_late2 = late2(InertialFilter::velocity, 1.0),
                 velocity_late2 = late2(InertialFilter::phi, units::standard_gravity);
+  // By the factor the slow errors are larger than the filter expects: that part counts as noise.
+  const auto noise2 = [factor](const Vector3& noise, const Vector3& slow) {
+    const double more2 = std::max(0.0, factor * factor - 1);
+    return Vector3((factor * noise).array().square() + more2 * slow.array().square());
+  };
   const InertialFilter::Measurement position = {
       .first = InertialFilter::position,
       .axes_N = axes,
       .innovation = axes * (measured.r_N - r_N + early_s * v_N),
-      .variance = position_late2 + Vector3((factor * model_.position).array().square())};
+      .variance = position_late2 + noise2(model_.position, model_.slow_position),
+      .error = position_error_};
   if (is_rejecting_ && rejecting_s_ > model_.accept_after_s) {  // the filter's own position is no longer trusted
     filter_.add_variance(InertialFilter::position, position.innovation.squaredNorm());
     filter_.add_variance(InertialFilter::velocity, (measured.v_N - v_N).squaredNorm());
@@ -60,7 +67,8 @@ void Navigator::use_fix(const Sample& sample, const At& at) noexcept {
   use(aid::velocity, {.first = InertialFilter::velocity,
                       .axes_N = axes,
                       .innovation = axes * (measured.v_N - past.v_N - corrections_.v_N),
-                      .variance = velocity_late2 + Vector3((factor * model_.velocity).array().square())});
+                      .variance = velocity_late2 + noise2(model_.velocity, model_.slow_velocity),
+                      .error = velocity_error_});
   ++fixes_.used;
   since_fix_s_ = 0;
   is_rejecting_ = false;
@@ -111,7 +119,8 @@ bool Navigator::is_slow(const Navigation& here, const Navigation& fix) const noe
   constexpr double fastest = 2.0, deviations = 5.0;  // m/s; both chosen
   if (here.v_L.squaredNorm() > fastest * fastest) return false;
   if (!fix.is_known) return true;
-  const Vector3 largest = deviations * static_cast<double>(fix.accuracy_factor) * model_.velocity;
+  const Vector3 sigma = (model_.velocity.array().square() + model_.slow_velocity.array().square()).sqrt();
+  const Vector3 largest = deviations * static_cast<double>(fix.accuracy_factor) * sigma;
   return (fix.v_L.array().abs() <= largest.array()).all();
 }
 

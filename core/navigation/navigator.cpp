@@ -18,15 +18,23 @@ std::uint64_t samples_of(Nanoseconds latency, double rate_hz) {
   return static_cast<std::uint64_t>(seconds(latency) * rate_hz + 0.5);
 }
 
-// The errors of the aids that the filter estimates.
+// The errors of the aids that the filter estimates, and the numbers of the first of each aid; -1: it has none.
 struct AidErrors {
   explicit AidErrors(const NavigatorModel& model) {
+    using Error = InertialFilter::AidError;
+    const auto add = [this](int& number, const Vector3& sigma, double time_s) {
+      if (sigma.isZero(0.0)) return;
+      number = static_cast<int>(all.size());
+      for (const double of_axis : sigma) all.push_back(Error::correlated(of_axis, time_s));
+    };
+    add(position, model.slow_position, model.slow_position_s);
+    add(velocity, model.slow_velocity, model.slow_velocity_s);
     if (model.barometer_rate_hz <= 0) return;
     height = static_cast<int>(all.size());
-    all.push_back(InertialFilter::AidError::walk(NavigatorModel::barometric_offset, model.barometric_walk));
+    all.push_back(Error::walk(NavigatorModel::barometric_offset, model.barometric_walk));
   }
   std::vector<InertialFilter::AidError> all;
-  int height = -1;  // the number of the error of heights
+  int position = -1, velocity = -1, height = -1;
 };
 
 // Returns the covariance of components in other axes; `axes` has the directions of its own as columns.
@@ -46,6 +54,8 @@ Navigator::Navigator(const NavigatorModel& model, const ImuModel& imu)
       fix_every_(samples_between(imu.rate_hz, model_.gnss_rate_hz)),
       heading_every_(samples_between(imu.rate_hz, model_.magnetic_rate_hz)),
       height_every_(samples_between(imu.rate_hz, model_.barometer_rate_hz)),
+      position_error_(AidErrors(model_).position),
+      velocity_error_(AidErrors(model_).velocity),
       height_error_(AidErrors(model_).height),
       past_(static_cast<std::size_t>(samples_of(latency_, imu.rate_hz) + 1)),
       rest_detector_(model_.noise) {}
@@ -198,8 +208,10 @@ void Navigator::begin_filter(const PositionVelocity& now, const Sample& sample, 
   const Matrix3 axes = q_NL(now, sample.fix()).toRotationMatrix();
   Filter::Covariance P = Filter::Covariance::Zero();
   P.block<3, 3>(Filter::phi, Filter::phi) = turned(axes, {sigma.x(), sigma.x(), sigma.y()});
-  P.block<3, 3>(Filter::velocity, Filter::velocity) = turned(axes, model_.velocity);
-  P.block<3, 3>(Filter::position, Filter::position) = turned(axes, model_.position);
+  P.block<3, 3>(Filter::velocity, Filter::velocity) =
+      turned(axes, model_.velocity) + turned(axes, model_.slow_velocity);
+  P.block<3, 3>(Filter::position, Filter::position) =
+      turned(axes, model_.position) + turned(axes, model_.slow_position);
   P.block<3, 3>(Filter::gyro_bias, Filter::gyro_bias).diagonal().setConstant(model_.gyro_bias * model_.gyro_bias);
   P.block<3, 3>(Filter::accelerometer_bias, Filter::accelerometer_bias)
       .diagonal()
@@ -208,6 +220,9 @@ void Navigator::begin_filter(const PositionVelocity& now, const Sample& sample, 
   const Vector3 change = age_s * (q_NP * sample.specific_force + gravitation_N(filter_.gravitation(), now.r_N));
   filter_.begin({q_NP, now.v_N + change, now.r_N + age_s * (now.v_N + 0.5 * change)}, Vector3::Zero(),
                 Vector3::Zero(), P);
+  // The first fix has the errors of the later ones.
+  if (position_error_ >= 0) filter_.begin_by(Filter::position, axes.transpose(), position_error_);
+  if (velocity_error_ >= 0) filter_.begin_by(Filter::velocity, axes.transpose(), velocity_error_);
   is_aligned_ = true;
   up_P_.reset();
   aligned_at_ = number_;

@@ -94,7 +94,7 @@ class Navigator {
   double period_s_;
   Nanoseconds latency_;
   std::uint64_t fix_every_, heading_every_, height_every_;  // samples; 0: never
-  int height_error_;                                        // InertialFilter::Measurement::error of heights
+  int position_error_, velocity_error_, height_error_;      // InertialFilter::Measurement::error; -1: there is none
   // The motion after the last samples, a ring by their numbers: a late fix is compared with the motion then. Without
   // the corrections, whose sum of all time is added at the comparison: what a fix has corrected is no error in the
   // next.

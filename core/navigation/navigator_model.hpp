@@ -31,9 +31,12 @@ struct NavigatorModel {
   double alignment_s = 1;                // the window of the coarse alignment, above 0
   double gnss_rate_hz = 5;               // of the receiver's fixes; 0: none is used after the alignment
   double magnetic_rate_hz = 10;          // of the magnetic heading; 0: none is used after the alignment
-  Vector3 position = {1.5, 1.5, 3.0};    // m, standard deviations of a fix for which the filter allows, above 0
+  Vector3 position = {1.5, 1.5, 3.0};    // m, standard deviations of the noise of a fix, above 0
   Vector3 velocity = {0.05, 0.05, 0.1};  // m/s
-  double heading = 0.035;                // rad, of a magnetic heading
+  // The exponentially correlated errors of a fix, which the filter estimates: standard deviations, and times above 0.
+  Vector3 slow_position = Vector3::Zero(), slow_velocity = Vector3::Zero();
+  double slow_position_s = 600, slow_velocity_s = 60;
+  double heading = 0.035;  // rad, of a magnetic heading
   // The rate of barometric heights; 0: none is used. The difference of a height by the standard atmosphere from one
   // above the ellipsoid is estimated, as a random walk: weather, the geoid, and the barometer's own errors.
   double barometer_rate_hz = 0;

@@ -4,6 +4,7 @@
 #include <toml++/toml.h>
 
 #include <algorithm>
+#include <cmath>
 #include <initializer_list>
 #include <nlohmann/json.hpp>
 #include <sstream>
@@ -71,7 +72,8 @@ std::string solution_text(const NavigatorModel& navigator) {
   return fmt::format(
       "solution by the unit's filter: {}, {}{}{}; {}",
       aid(navigator.gnss_rate_hz, "fixes",
-          fmt::format("{:.3g} m, {:.3g} m/s north", navigator.position.x(), navigator.velocity.x())),
+          fmt::format("{:.3g} m, {:.3g} m/s north", std::hypot(navigator.position.x(), navigator.slow_position.x()),
+                      std::hypot(navigator.velocity.x(), navigator.slow_velocity.x()))),
       aid(navigator.magnetic_rate_hz, "magnetic headings",
           fmt::format("{:.3g} deg", navigator.heading / units::degree)),
       height, navigator.zero_velocity ? ", no velocity at rest" : "",

@@ -107,12 +107,16 @@ void read_navigator(TableReader& table, const TruthConfig& truth, ImuConfig& imu
     table.fault(errors.attitude.x() > 0 ? "roll_pitch_deg" : "heading_deg",
                 "the filter computes the attitude from the sensors; omit the key");
   constexpr double least = 0.01;  // m, m/s
-  const auto allow = [least](const Vector3& slow, const Vector3& white, Vector3& sigma) {
+  constexpr double part = 0.1;    // of the correlated errors that counts as noise as well; chosen
+  const auto allow = [least, part](const Vector3& slow, const Vector3& white, Vector3& noise, Vector3& correlated) {
     if (slow.isZero(0.0) && white.isZero(0.0)) return;
-    sigma = (slow.array().square() + white.array().square()).sqrt().max(least);
+    noise = ((part * slow).array().square() + white.array().square()).sqrt().max(least);
+    correlated = slow;
   };
-  allow(errors.position, errors.position_noise, navigator.position);
-  allow(errors.velocity, errors.velocity_noise, navigator.velocity);
+  allow(errors.position, errors.position_noise, navigator.position, navigator.slow_position);
+  allow(errors.velocity, errors.velocity_noise, navigator.velocity, navigator.slow_velocity);
+  navigator.slow_position_s = errors.position_correlation_s;
+  navigator.slow_velocity_s = errors.velocity_correlation_s;
   tune(navigator, model);
 }
 

@@ -141,5 +141,22 @@ TEST(NavigatorAids, TheReceiverContradictsRest) {
       });
 }
 
+// A receiver whose errors are the same for ten minutes: the fixes together are no better than one.
+TEST(NavigatorAids, SlowErrorsOfTheReceiverAreConsistent) {
+  NavigatingUnit model = mems_unit();
+  model.navigation.position = model.navigator.slow_position = {1.5, 1.5, 3};
+  model.navigation.velocity = model.navigator.slow_velocity = {0.1, 0.1, 0.1};
+  model.navigation.position_noise = model.navigator.position = {0.2, 0.2, 0.4};
+  model.navigation.velocity_noise = model.navigator.velocity = {0.02, 0.02, 0.02};
+  const MeanSquares mean = mean_squares(model, 10, 60);
+  // Two components of eight units, which hardly change: 16 squares.
+  EXPECT_GT(mean.position, 0.3);
+  EXPECT_LT(mean.position, 2.5);
+  EXPECT_LT(mean.velocity, 2);
+  EXPECT_LT(mean.tilt, 2);
+  model.navigator.slow_position.setZero();
+  EXPECT_GT(mean_squares(model, 10, 60).position, 10);
+}
+
 }  // namespace
 }  // namespace imud
