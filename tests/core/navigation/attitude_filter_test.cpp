@@ -4,6 +4,7 @@
 
 #include <Eigen/Cholesky>
 #include <cmath>
+#include <complex>
 #include <random>
 
 #include "core/attitude.hpp"
@@ -89,6 +90,101 @@ TEST(AttitudeFilter, ConvergesFromATilt) {
   EXPECT_LT((filter.gyro_bias_P() - bias).head<2>().norm(), 1e-3 * units::degree);
   EXPECT_LT(filter.covariance()(0, 0), 1e-4);
   EXPECT_GT(filter.covariance()(2, 2), 0.01);  // gravity does not show a heading
+}
+
+// Both filters, of 6 states and of one complex tilt with its bias, in a straight flight and then a level turn.
+struct Turning {
+  double speed, rate;  // m/s, rad/s
+};
+
+// The tilt of the solution in the turn, rad: a filter of one complex number for the tilt about ahead and right and
+// one for the bias of both gyros, in axes that turn with the heading. With the rate w, the apparent vertical leans by
+// atan(v w/g) to the centre.
+//   d tilt = -i w tilt - bias - k1 (tilt + lean)    d bias = -k2 (tilt + lean)    dP = A P + P A^H + Q - k r k^H
+class ComplexTilt {
+ public:
+  explicit ComplexTilt(const AttitudeTuning& tuning, double tilt, double bias)
+      : tuning_(tuning), p11_(tilt * tilt), p22_(bias * bias) {}
+  void advance(double seconds, const Turning& turn) {
+    using Complex = std::complex<double>;
+    const double by_rate = AttitudeFilter::turning_speed * turn.rate, n = tuning_.noise.accelerometer;
+    const double r =
+        (2 * AttitudeFilter::acceleration_s * (std::pow(tuning_.acceleration, 2) + by_rate * by_rate) + n * n) /
+        (ahrs_g * ahrs_g);
+    const double lean = std::atan(turn.speed * turn.rate / ahrs_g);
+    const Complex iw(0, turn.rate);
+    constexpr double h = 1e-3;
+    for (double t = 0; t < seconds; t += h) {
+      const double k1 = p11_ / r;
+      const Complex k2 = std::conj(p12_) / r;
+      const Complex tilt = tilt_ + h * (-iw * tilt_ - bias_ - k1 * (tilt_ - lean));
+      bias_ += h * (-k2 * (tilt_ - lean));
+      tilt_ = tilt;
+      const double p11 = p11_ + h * (-2 * p12_.real() + std::pow(tuning_.noise.gyro, 2) - k1 * p11_);
+      const Complex p12 = p12_ + h * (-iw * p12_ - p22_ - k1 * p12_);
+      p22_ += h * (std::pow(tuning_.noise.gyro_walk, 2) - std::norm(p12_) / r);
+      p11_ = p11;
+      p12_ = p12;
+    }
+  }
+  double tilt() const { return std::abs(tilt_); }
+  double gain() const { return p11_; }
+
+ private:
+  AttitudeTuning tuning_;
+  std::complex<double> tilt_ = 0, bias_ = 0, p12_ = 0;
+  double p11_, p22_;
+};
+
+class LevelTurn {
+ public:
+  LevelTurn(const AttitudeTuning& tuning, double tilt, double bias) : filter_({}, tuning) {
+    filter_.begin(Quaternion::Identity(), first_covariance(tilt, 0.01, bias));
+  }
+  void advance(double seconds, const Turning& turn) {
+    const double bank = std::atan(turn.speed * turn.rate / ahrs_g);
+    const Quaternion roll = exp(Vector3(bank, 0, 0));
+    // The bank comes with the turn.
+    if (bank != bank_) filter_.advance({bank - bank_, 0, 0}, {0, 0, -ahrs_dt * ahrs_g}, ahrs_dt);
+    bank_ = bank;
+    for (double t = 0; t < seconds - 0.5 * ahrs_dt; t += ahrs_dt) {
+      heading_ += turn.rate * ahrs_dt;
+      filter_.advance(roll.conjugate() * Vector3(0, 0, turn.rate * ahrs_dt),
+                      {0, 0, -ahrs_dt * ahrs_g / std::cos(bank)}, ahrs_dt);
+      // An exact compass, so that the tilt alone is in question.
+      const double error = log(q_LP() * filter_.q_LP().conjugate()).z();
+      filter_.update({.innovation = error, .variance = 1e-8});
+    }
+  }
+  double tilt() const { return log(q_LP() * filter_.q_LP().conjugate()).head<2>().norm(); }
+
+ private:
+  Quaternion q_LP() const { return exp(Vector3(0, 0, heading_)) * exp(Vector3(bank_, 0, 0)); }
+
+  AttitudeFilter filter_;
+  double bank_ = 0, heading_ = 0;
+};
+
+// In a long coordinated turn the specific force stands along the platform's z axis, and the solution leans to it.
+TEST(AttitudeFilter, LeansInATurnAsTheoryHasIt) {
+  for (const Turning& turn : {Turning{10, 0.1}, Turning{30, 0.05}, Turning{15, -0.05}}) {
+    ComplexTilt theory(quiet_tuning(), 0.02, 1e-3);
+    LevelTurn solution(quiet_tuning(), 0.02, 1e-3);
+    theory.advance(300, {0, 0});
+    solution.advance(300, {0, 0});
+    EXPECT_NEAR(solution.tilt(), 0, 1e-9);
+    const double lean = std::abs(std::atan(turn.speed * turn.rate / ahrs_g));
+    double last = 0;
+    for (const double seconds : {5.0, 25.0, 30.0, 60.0, 180.0}) {
+      theory.advance(seconds, turn);
+      solution.advance(seconds, turn);
+      EXPECT_NEAR(solution.tilt(), theory.tilt(), 0.06 * theory.tilt() + 1e-4) << turn.speed << ' ' << seconds;
+      last = solution.tilt();
+    }
+    // Quick circles are averaged; in slow ones the bias takes up the rest of the lean as well.
+    EXPECT_GT(last, (std::abs(turn.rate) > 0.07 ? 0.03 : 0.6) * lean);
+    EXPECT_LT(last, lean);
+  }
 }
 
 TEST(AttitudeFilter, AllowsForManoeuvres) {
