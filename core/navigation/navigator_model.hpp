@@ -26,7 +26,12 @@ struct NavigatorModel {
     coarse,  // by gravity, the magnetic field or the course, and the receiver's velocity
     truth,   // the first sample of a run has the true attitude, to study drift
   };
+  enum class Kind : std::uint8_t {
+    inertial,  // attitude, velocity and position, by a receiver's fixes (Navigator)
+    attitude,  // attitude alone, by gravity and the magnetic field (AttitudeReference); no fix is used
+  };
   bool is_on = false;
+  Kind kind = Kind::inertial;
   Alignment alignment = Alignment::coarse;
   double alignment_s = 1;                // the window of the coarse alignment, above 0
   double gnss_rate_hz = 5;               // of the receiver's fixes; 0: none is used after the alignment
@@ -45,6 +50,8 @@ struct NavigatorModel {
   double barometric_walk = 0.13;
   static constexpr double barometric_offset = 500;  // m, standard deviation of the difference at the begin; chosen
   bool zero_velocity = false;                       // a vehicle that is found to be at rest has no velocity
+  double heading = 0.035;                           // rad, of a magnetic heading
+  double quiet_acceleration = 0.2;  // m/s^2, above 0, of a vehicle without manoeuvres (attitude); chosen
   InertialNoise noise;
   double gyro_bias = 0, accelerometer_bias = 0;  // rad/s, m/s^2: standard deviations at the begin
   // A measurement is rejected where the square of its innovation, in units of the covariance, is above this; after
