@@ -60,11 +60,24 @@ std::string delay_text(const TruthConfig& truth) {
 }
 
 // Describes the unit's own filter.
-std::string solution_text(const NavigatorModel& navigator) {
+std::string solution_text(const NavigatorModel& navigator, const EarthModel& earth) {
   const auto aid = [](double rate_hz, std::string_view what, const std::string& accuracy) {
     return rate_hz > 0 ? fmt::format("{} at {:g} Hz ({})", what, rate_hz, accuracy) : fmt::format("no {}", what);
   };
   const bool is_coarse = navigator.alignment == NavigatorModel::Alignment::coarse;
+  const std::string headings = aid(navigator.magnetic_rate_hz, "magnetic headings",
+                                   fmt::format("{:.3g} deg", navigator.heading / units::degree));
+  if (navigator.kind == NavigatorModel::Kind::attitude) {
+    const bool has_place = earth.frame == EarthModel::Frame::local || earth.frame == EarthModel::Frame::inertial;
+    return fmt::format(
+        "attitude by the unit's filter: gravity ({:.3g} m/s^2 when quiet), {}, {}; {}", navigator.quiet_acceleration,
+        headings,
+        has_place
+            ? "true by the declination of the place of the alignment"
+            : "true where the truth has a place, else magnetic; without a place and a magnetic field of the truth "
+              "the heading drifts from 0",
+        is_coarse ? fmt::format("it levels for {:g} s", navigator.alignment_s) : "it begins at the true attitude");
+  }
   const std::string height = navigator.barometer_rate_hz > 0
                                  ? fmt::format(", {}", aid(navigator.barometer_rate_hz, "barometric heights",
                                                            fmt::format("{:.3g} m", navigator.barometric_height)))
@@ -74,9 +87,7 @@ std::string solution_text(const NavigatorModel& navigator) {
       aid(navigator.gnss_rate_hz, "fixes",
           fmt::format("{:.3g} m, {:.3g} m/s north", std::hypot(navigator.position.x(), navigator.slow_position.x()),
                       std::hypot(navigator.velocity.x(), navigator.slow_velocity.x()))),
-      aid(navigator.magnetic_rate_hz, "magnetic headings",
-          fmt::format("{:.3g} deg", navigator.heading / units::degree)),
-      height, navigator.zero_velocity ? ", no velocity at rest" : "",
+      headings, height, navigator.zero_velocity ? ", no velocity at rest" : "",
       is_coarse ? fmt::format("no place until it has aligned, {:g} s after the first fix", navigator.alignment_s)
                 : "it begins at the true attitude");
 }
@@ -106,7 +117,7 @@ void print_text(const std::string& path, const Config& config) {
     for (const TriadFilter& triad : triad_filters(imu.model))
       fmt::print("{:<8} {} filter{} at {} Hz: {}\n", "", triad.name, imu.device_filters ? " of the product" : "",
                  triad.rate_hz, triad.text());
-    if (imu.navigator.is_on) fmt::print("{:<8} {}\n", "", solution_text(imu.navigator));
+    if (imu.navigator.is_on) fmt::print("{:<8} {}\n", "", solution_text(imu.navigator, config.truth.earth));
   }
   for (const BusLoad& bus : bus_loads(config.imus))
     if (bus.imus.size() > 1) fmt::print("{:<8} {}, {} imus: {}\n", "bus", bus.address, bus.imus.size(), bus.text());

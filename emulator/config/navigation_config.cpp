@@ -64,44 +64,77 @@ bool solves_by_default(TableReader& table, const ImuConfig& imu, const std::opti
          !table.has("roll_pitch_deg") && !table.has("heading_deg");
 }
 
+// A filter of attitude alone levels by the specific force, in which gravity's reaction must be.
+void check_weight(TableReader& table, const TruthConfig& truth) {
+  if (truth.ignores_force)
+    table.fault("solution",
+                "\"attitude\" levels by the specific force, which truth.specific_force = \"none\" leaves 0; give "
+                "\"auto\"");
+  using Gravity = GravitationModel::Kind;
+  const GravitationModel& gravitation = truth.gravitation;
+  const bool is_off =
+      gravitation.kind == Gravity::none || (gravitation.kind == Gravity::constant && gravitation.constant == 0);
+  if (is_off && truth.fit && truth.fit->specific_force != PoseFit::Source::given)
+    table.fault("solution",
+                "\"attitude\" levels by gravity, which a derived specific force has only if truth.gravity takes it "
+                "away; give truth.gravity = \"auto\", or gravity_m_per_s2, or send the specific force with "
+                "truth.specific_force = \"given\"");
+}
+
+using Kind = NavigatorModel::Kind;
+
 // The keys of the unit's own filter. Where no accuracies are stated, the receiver is under an open sky.
 void read_navigator(TableReader& table, const TruthConfig& truth, ImuConfig& imu) {
   const ImuModel& model = imu.model;
   NavigatorModel& navigator = imu.navigator;
   const std::optional<bool> places = has_places(truth);
   navigator.gravitation = truth.gravitation;
-  navigator.is_on =
-      table.choice<bool>("solution", {{false, "truth"}, {true, "filter"}}, solves_by_default(table, imu, places));
-  // Without the filter an absent key has no value.
-  const auto check = [&](const char* key) {
-    if (!navigator.is_on) table.fault(key, "needs solution = \"filter\"");
+  using OfKind = std::optional<Kind>;
+  const OfKind chosen = table.choice<OfKind>(
+      "solution", {{std::nullopt, "truth"}, {Kind::inertial, "filter"}, {Kind::attitude, "attitude"}},
+      solves_by_default(table, imu, places) ? OfKind(Kind::inertial) : std::nullopt);
+  navigator.is_on = chosen.has_value();
+  navigator.kind = chosen.value_or(Kind::inertial);
+  const bool is_inertial = chosen == Kind::inertial, is_attitude = chosen == Kind::attitude;
+  // A key of a filter that is not chosen has no value where it is absent.
+  const auto check = [&](const char* key, bool is_read, const char* needed) {
+    if (!is_read) table.fault(key, fmt::format("needs solution = {}", needed));
   };
-  const auto number = [&](const char* key, double initial, double min, double max) {
-    if (!navigator.is_on && !table.has(key)) return initial;
+  constexpr const char* either = "\"filter\" or \"attitude\"";
+  const auto number = [&](const char* key, double initial, double min, double max, bool is_read, const char* needed) {
+    if (!is_read && !table.has(key)) return initial;
     const double value = table.real(key, initial, min, max);
-    check(key);
+    check(key, is_read, needed);
     return value;
+  };
+  const auto of_both = [&](const char* key, double initial, double min, double max) {
+    return number(key, initial, min, max, navigator.is_on, either);
   };
   using Alignment = NavigatorModel::Alignment;
   if (navigator.is_on || table.has("alignment")) {
     navigator.alignment = table.choice<Alignment>(
         "alignment", {{Alignment::coarse, "coarse"}, {Alignment::truth, "truth"}}, Alignment::coarse);
-    check("alignment");
+    check("alignment", navigator.is_on, either);
   }
-  navigator.alignment_s = number("alignment_s", navigator.alignment_s, 0.01, 3600);
-  navigator.gnss_rate_hz = number("gnss_rate_hz", navigator.gnss_rate_hz, 0, 100);
-  navigator.magnetic_rate_hz = number("magnetic_rate_hz", navigator.magnetic_rate_hz, 0, 100);
-  navigator.heading = units::degree * number("magnetic_heading_deg", 2, 0.01, 180);
-  navigator.barometer_rate_hz = number("barometer_rate_hz", navigator.barometer_rate_hz, 0, 100);
-  navigator.barometric_height = number("barometric_height_m", navigator.barometric_height, 0.01, most);
-  navigator.barometric_walk = number("barometric_walk_m_per_rt_s", navigator.barometric_walk, 1e-6, most);
-  if (navigator.is_on || table.has("zero_velocity")) {
+  const auto of_filter = [&](const char* key, double initial, double min, double max) {
+    return number(key, initial, min, max, is_inertial, "\"filter\"");
+  };
+  navigator.alignment_s = of_both("alignment_s", navigator.alignment_s, 0.01, 3600);
+  navigator.gnss_rate_hz = of_filter("gnss_rate_hz", navigator.gnss_rate_hz, 0, 100);
+  navigator.magnetic_rate_hz = of_both("magnetic_rate_hz", navigator.magnetic_rate_hz, 0, 100);
+  navigator.heading = units::degree * of_both("magnetic_heading_deg", 2, 0.01, 180);
+  navigator.barometer_rate_hz = of_filter("barometer_rate_hz", navigator.barometer_rate_hz, 0, 100);
+  navigator.barometric_height = of_filter("barometric_height_m", navigator.barometric_height, 0.01, most);
+  navigator.barometric_walk = of_filter("barometric_walk_m_per_rt_s", navigator.barometric_walk, 1e-6, most);
+  if (is_inertial || table.has("zero_velocity")) {
     navigator.zero_velocity = table.flag("zero_velocity", false);
-    check("zero_velocity");
+    check("zero_velocity", is_inertial, "\"filter\"");
   }
-  navigator.accept_after_s = number("accept_after_s", navigator.accept_after_s, 0, 1e6);
+  navigator.accept_after_s = of_both("accept_after_s", navigator.accept_after_s, 0, 1e6);
+  navigator.quiet_acceleration =
+      number("quiet_m_per_s2", navigator.quiet_acceleration, 1e-4, 100, is_attitude, "\"attitude\"");
   if (!navigator.is_on) return;
-  check_places(table, places);
+  is_attitude ? check_weight(table, truth) : check_places(table, places);
   const NavigationErrors& errors = model.navigation;
   if (!errors.attitude.isZero(0.0))
     table.fault(errors.attitude.x() > 0 ? "roll_pitch_deg" : "heading_deg",

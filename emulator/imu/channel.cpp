@@ -63,15 +63,17 @@ void Channel::set_faults(std::span<const ActiveFault> wire, std::span<const Acti
 }
 
 void Channel::prepare(std::optional<TruthTime> truth, bool silent) noexcept {
-  if (const Navigator* navigator = sensor.navigator()) {
+  if (const OwnSolution* solution = sensor.own_solution()) {
     const auto store = [](const Navigator::Counts& counts, Counter& used, Counter& rejected) {
       used.store(counts.used, std::memory_order_relaxed);
       rejected.store(counts.rejected, std::memory_order_relaxed);
     };
-    store(navigator->fixes(), counters.fixes_used, counters.fixes_rejected);
-    store(navigator->headings(), counters.headings_used, counters.headings_rejected);
-    store(navigator->heights(), counters.heights_used, counters.heights_rejected);
-    store(navigator->rests(), counters.rests_used, counters.rests_rejected);
+    store(solution->headings(), counters.headings_used, counters.headings_rejected);
+    if (const Navigator* navigator = solution->navigator()) {
+      store(navigator->fixes(), counters.fixes_used, counters.fixes_rejected);
+      store(navigator->heights(), counters.heights_used, counters.heights_rejected);
+      store(navigator->rests(), counters.rests_used, counters.rests_rejected);
+    }
   }
   const SampleFeed* const feed = awaited.feed();
   Sample& sample = sensor.sample();

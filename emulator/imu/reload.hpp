@@ -13,7 +13,7 @@
 #include <vector>
 
 #include "core/imu.hpp"
-#include "core/navigation/navigator.hpp"
+#include "core/navigation/own_solution.hpp"
 #include "emulator/imu/command.hpp"
 #include "emulator/plan/config.hpp"
 #include "protocols/protocol.hpp"
@@ -46,8 +46,8 @@ struct Reload {
     ImuModel model;
     Imu imu;
     Oscillator oscillator;
-    std::optional<Navigator> navigator;  // it begins to align
-    std::optional<Grid> grid;            // nullopt: it stays
+    std::optional<OwnSolution> solution;  // it begins to align
+    std::optional<Grid> grid;             // nullopt: it stays
     // With other settings, and as delivered; nullptr: they stay.
     std::unique_ptr<Device> device, delivered_device;
     std::array<std::unique_ptr<FrameSeal>, 2> seals;  // of both lines of that device; only used with it

@@ -26,7 +26,7 @@ Sensor::Sensor(const ImuConfig& config, std::uint64_t seed, ChannelFaults* fault
       filters_{config.model.gyro.filter, config.model.accelerometer.filter, config.model.magnetometer.filter},
       faults_(faults) {
   if (device_filters_) imu_.reserve_filters(Device::longest_boxcar);
-  if (config.navigator.is_on) navigator_.emplace(config.navigator, config.model);
+  if (config.navigator.is_on) solution_.emplace(config.navigator, config.model);
   if (faults_ == nullptr) return;
   const auto utc = std::chrono::system_clock::now().time_since_epoch();
   utc_offset_ns_ = std::chrono::duration_cast<Nanoseconds>(utc).count() - host_now().ns;
@@ -46,7 +46,7 @@ void Sensor::begin_run(TruthTime begin) noexcept {
 
 void Sensor::pass_over() noexcept {
   if (!is_resting_) imu_.begin_run();  // otherwise the first sample of the truth begins the run
-  if (navigator_) navigator_->restart();
+  if (solution_) solution_->restart();
   has_sampled_ = false;
   has_leapt_ = true;
   if (faults_ != nullptr) faults_->pass_over();
@@ -59,14 +59,14 @@ void Sensor::sense(const Timeline& timeline, TruthTime time, std::uint64_t k) no
   ahead_ = imu_.advanced_to() - timeline.newest();
   if (has_clock_errors_ || has_leapt_ || faults_ != nullptr) [[unlikely]]
     take_errors(timeline, time);
-  if (navigator_) [[unlikely]]
+  if (solution_) [[unlikely]]
     navigate(timeline, time);
 }
 
-// The filter takes what the sensors measured, with their faults.
+// The filter takes the measurements of the sensors, with their faults.
 [[gnu::noinline]] void Sensor::navigate(const Timeline& timeline, TruthTime time) noexcept {
   const TruthTime measured = time - sampling_delay_;
-  navigator_->take(sample_, measured, timeline.position(measured).earth_angle);
+  solution_->take(sample_, measured, timeline.position(measured).earth_angle);
 }
 
 // Changes the sample as the errors of the clock, a leap of the truth, and faults do.
@@ -84,7 +84,7 @@ void Sensor::sense_at_rest(Nanoseconds since_power_on, std::uint64_t k) noexcept
   if (has_clock_errors_) take_clock_errors(std::nullopt);
   if (faults_ != nullptr && faults_->acts_at_rest())
     faults_->take_at_rest(sample_, since_power_on, utc_ns_of(sample_.time));
-  if (navigator_) navigator_->take_at_rest(sample_);
+  if (solution_) solution_->take_at_rest(sample_);
 }
 
 // The instants of an imu and of its twin without errors follow from the same numbers: neither faults nor the other
@@ -114,7 +114,7 @@ void Sensor::exchange(Reload::Sensor& next) noexcept {
   if (device_filters_) next.imu.set_filters(filters_);
   next.imu.continue_from(imu_);
   std::swap(imu_, next.imu);
-  std::swap(navigator_, next.navigator);
+  std::swap(solution_, next.solution);
   if (next.grid) {
     grid_ = *next.grid;
     clock_.change(grid_);

@@ -5,7 +5,7 @@
 #include <optional>
 
 #include "core/imu.hpp"
-#include "core/navigation/navigator.hpp"
+#include "core/navigation/own_solution.hpp"
 #include "core/timeline.hpp"
 #include "emulator/faults/channel_faults.hpp"
 #include "emulator/imu/device_clock.hpp"
@@ -26,8 +26,8 @@ class Sensor {
   DeviceClock& clock() noexcept { return clock_; }
   const DeviceClock& clock() const noexcept { return clock_; }
   const Grid& grid() const noexcept { return grid_; }
-  // Returns the unit's own filter; nullptr: it has none.
-  const Navigator* navigator() const noexcept { return navigator_ ? &*navigator_ : nullptr; }
+  // Returns the solution that the unit computes; nullptr: none.
+  const OwnSolution* own_solution() const noexcept { return solution_ ? &*solution_ : nullptr; }
   // The last sample that was taken.
   Sample& sample() noexcept { return sample_; }
   const Sample& sample() const noexcept { return sample_; }
@@ -54,7 +54,7 @@ class Sensor {
   // The next sample has the turn-on errors of another start.
   void restart() noexcept {
     imu_.power_on(++power_ons_);
-    if (navigator_) navigator_->restart();
+    if (solution_) solution_->restart();
   }
   // Filters as the device's settings have them. Without effect unless the product has such settings.
   void set_filters(const std::optional<SensorFilters>& filters) noexcept;
@@ -74,8 +74,8 @@ class Sensor {
   Normals normals_;  // of the errors of the clock
   Oscillator oscillator_;
   StampError stamp_error_;
-  bool has_clock_errors_;               // one of the two is on
-  std::optional<Navigator> navigator_;  // the unit computes its own solution
+  bool has_clock_errors_;  // one of the two is on
+  std::optional<OwnSolution> solution_;
   const Nanoseconds sampling_delay_;
   const bool device_filters_;  // the device's settings have the filters
   SensorFilters filters_;      // if device_filters_
