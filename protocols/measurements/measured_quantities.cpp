@@ -247,7 +247,7 @@ constexpr MeasuredQuantity quantities[] = {
     at_place("gnss_fix", "1 while the receiver has a fix, else 0", {}, fix),
     at_place("gnss_satellites", "that the receiver uses", {}, satellites),
     {"navigation_state",
-     "0 truth; of the unit's own solution: 1 aligning, 2 coasting, 3 aided",
+     "0 truth; of the unit's own solution: 1 aligning, 2 coasting, 3 aided, 4 an attitude without a place",
      {},
      navigation_state},
     at_place("fix_age", "of its own solution: since the last fix that it used", key_units::time, fix_age),
