@@ -5,7 +5,7 @@
 //
 // A line of HASHES is a 64-bit FNV-1a hash, the number of frames, a protocol and its settings (key=value ...). The
 // exit code is 1 if a line is wrong; the correct lines go to standard output. With the setting solution=filter the
-// unit computes its own solution.
+// unit computes its own solution, and with solution=attitude its attitude alone.
 #include <cstring>
 #include <fstream>
 #include <iomanip>
@@ -23,7 +23,7 @@
 #include "core/attitude.hpp"
 #include "core/gps_time.hpp"
 #include "core/imu.hpp"
-#include "core/navigation/navigator.hpp"
+#include "core/navigation/own_solution.hpp"
 #include "core/timeline.hpp"
 #include "core/units.hpp"
 #include "protocols/protocol.hpp"
@@ -126,15 +126,16 @@ ImuModel navigating(double rate_hz) {
 // The frames that `device` sends during the flight.
 class Run {
  public:
-  Run(Device& device, double rate_hz, Link link, bool has_filter)
+  Run(Device& device, double rate_hz, Link link, std::optional<NavigatorModel::Kind> solution)
       : device_(device),
         grid_(rate_hz),
         is_can_(link == Link::can),
-        model_(has_filter ? navigating(rate_hz) : every_effect()) {
-    if (!has_filter) return;
+        model_(solution ? navigating(rate_hz) : every_effect()) {
+    if (!solution) return;
     NavigatorModel navigator;
+    navigator.kind = *solution;
     tune(navigator, model_);
-    navigator_.emplace(navigator, model_);
+    solution_.emplace(navigator, model_);
   }
 
   void over(const std::vector<Truth>& flight) {
@@ -151,7 +152,7 @@ class Run {
         for (auto due = device_.deadline(); due && *due <= now; due = device_.deadline())
           add([&] { device_.poll(*due, *frames_); });
         Sample sample = imu.sample(timeline, instant, now);
-        if (navigator_) navigator_->take(sample, instant, std::nullopt);
+        if (solution_) solution_->take(sample, instant, std::nullopt);
         add([&] { device_.sample(sample, *frames_); });
       }
     }
@@ -176,7 +177,7 @@ class Run {
   Grid grid_;
   bool is_can_;
   ImuModel model_;
-  std::optional<Navigator> navigator_;
+  std::optional<OwnSolution> solution_;
   std::unique_ptr<FrameBuffer> frames_ = std::make_unique<FrameBuffer>();
   Hash hash_;
   std::size_t count_ = 0;
@@ -199,10 +200,14 @@ std::string right_line(const std::string& line, const std::vector<Truth>& flight
   words >> hash >> frames >> name;
   Settings settings(protocol->settings);
   std::ostringstream right;
-  bool has_filter = false;
+  std::optional<NavigatorModel::Kind> solution;
   for (std::string setting; words >> setting; right << ' ' << setting) {
     if (setting == "solution=filter") {
-      has_filter = true;
+      solution = NavigatorModel::Kind::inertial;
+      continue;
+    }
+    if (setting == "solution=attitude") {
+      solution = NavigatorModel::Kind::attitude;
       continue;
     }
     const std::size_t equals = setting.find('=');
@@ -210,7 +215,7 @@ std::string right_line(const std::string& line, const std::vector<Truth>& flight
   }
   const std::unique_ptr<Device> device = protocol->make(settings);
   Run run(*device, protocol->product != nullptr ? protocol->product(settings).rate_hz : 200, protocol->link,
-          has_filter);
+          solution);
   run.over(flight);
   std::ostringstream begin;
   begin << std::hex << std::setfill('0') << std::setw(16) << run.hash() << std::dec << ' ' << run.frames() << ' '
