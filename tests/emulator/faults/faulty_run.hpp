@@ -62,13 +62,14 @@ class FaultyRunTest : public RunTest {
   static constexpr double rate_hz = 500;
   static constexpr double period_s = 1 / rate_hz;
 
-  // The text of a configuration with `imus` imus of this protocol, and these faults.
+  // The text of a configuration with `imus` imus of this protocol, and these faults. `truth`: further keys of
+  // [truth].
   static std::string config_text(const std::string& faults, const std::string& protocol, int imus,
-                                 const std::string& errors) {
+                                 const std::string& errors, const std::string& truth = "") {
     std::string text = fmt::format(
         "seed = 7\nclock = \"fast\"\n[truth]\nport = \"pcap:{}?port=5140\"\n"
-        "format = \"jsbsim\"\n",
-        IMUD_TEST_DATA "/captures/jsbsim_c172_10s.pcap");
+        "format = \"jsbsim\"\n{}",
+        IMUD_TEST_DATA "/captures/jsbsim_c172_10s.pcap", truth);
     for (int i = 1; i <= imus; ++i)
       text += fmt::format("[[imu]]\nname = \"imu{0}\"\nprotocol = \"{1}\"\nport = \"{3}:{0}\"\n{2}\n", i, protocol,
                           errors, find_protocol(protocol)->link == Link::can ? "canfile" : "file");
@@ -78,8 +79,9 @@ class FaultyRunTest : public RunTest {
   Result run(const std::string& faults, const std::string& protocol = "native", int imus = 1,
              const std::string& errors =
                  "rate_hz = 500\nmodel = \"ideal\"\ngyro.max_rad_per_s = 10\n"
-                 "accelerometer.max_m_per_s2 = 100\n") {
-    const Config config = load_config(write("faults.toml", config_text(faults, protocol, imus, errors)));
+                 "accelerometer.max_m_per_s2 = 100\n",
+             const std::string& truth = "") {
+    const Config config = load_config(write("faults.toml", config_text(faults, protocol, imus, errors, truth)));
     Result result;
     std::vector<std::string> bytes(config.imus.size());
     Assembly assembly(config, [&](const PortUse& use) -> std::unique_ptr<Port> {
