@@ -195,7 +195,7 @@ void SensorFaults::limit(Triad& triad, unsigned axes, Sample& sample, double ste
     if (((axes >> axis) & 1U) == 0) continue;
     if (triad.errors.lsb > 0) {
       const double rounded = round_to(value[axis], triad.errors.lsb);
-      increment[axis] += step_s * (rounded - value[axis]);
+      if (triad.errors.increment_lsb <= 0) increment[axis] += step_s * (rounded - value[axis]);
       value[axis] = rounded;
     }
     if (limit_axis(range, axis, step_s, value, increment)) sample.status |= triad.saturated << axis;

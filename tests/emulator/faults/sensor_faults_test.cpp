@@ -223,6 +223,24 @@ TEST_F(SensorFaultsTest, ThroughTheBytesOfAProduct) {
   EXPECT_EQ(within, 500);
 }
 
+// A bias far below half of the values' LSB is in increments that have an LSB of their own.
+TEST_F(SensorFaultsTest, IncrementsKeepTheirDigits) {
+  const auto angles = [&](const std::string& own_lsb, const std::string& fault) {
+    Vector3 sum = Vector3::Zero();
+    for (const Measurement& one :
+         run(fault, "native", 1,
+             "rate_hz = 500\nmodel = \"ideal\"\ngyro.max_rad_per_s = 10\ngyro.lsb_rad_per_s = 1e-3\n" + own_lsb +
+                 "accelerometer.max_m_per_s2 = 100\n")
+             .measurements)
+      sum += one.sample.delta_angle;
+    return sum;
+  };
+  const std::string bias = "[[fault]]\ntarget = \"gyro.x\"\nkind = \"bias\"\nvalue = 1e-5\n" + window;
+  const std::string own = "gyro.lsb_delta_angle_rad = 1e-10\n";
+  EXPECT_NEAR((angles(own, bias) - angles(own, "")).x(), 1e-5, 1e-8);
+  EXPECT_NEAR((angles("", bias) - angles("", "")).x(), 0, 1e-8);
+}
+
 TEST_F(SensorFaultsTest, EveryKindOfEveryTargetRuns) {
   std::size_t kinds = 0;
   for (const FaultKind& kind : sensor_fault_kinds())
