@@ -160,16 +160,22 @@ Json fault_event_json(const FaultBook& faults, const FaultEvent& event, std::spa
   Json parameters = Json::object();
   for (std::size_t i = 0; i < fault.kind->parameters.size(); ++i)
     parameters[std::string(fault.kind->parameters[i].key)] = event.parameters[i];
-  return {{"event", event.is_passed_over ? "fault.passed_over"
-                    : event.has_begun    ? "fault.begin"
-                                         : "fault.end"},
-          {"name", fault.name},
-          {"kind", fault.kind->name},
-          {"target", fault.target_text()},
-          {"imu", imu_of(event, imus)},
-          {"sample", event.counter},
-          {"time_ns", event.device_time.ns},
-          {"parameters", std::move(parameters)}};
+  constexpr const char* words[] = {"fault.begin", "fault.end", "fault.passed_over", "fault.effect"};  // by Kind
+  const bool is_effect = event.kind == FaultEvent::Kind::effect;
+  const auto size = [](double error) { return error < 0 ? Json() : Json(error); };
+  Json json = {{"event", words[static_cast<std::size_t>(event.kind)]},
+               {"name", fault.name},
+               {"kind", fault.kind->name},
+               {"target", fault.target_text()},
+               {"imu", imu_of(event, imus)},
+               {"sample", event.counter},
+               {"time_ns", event.device_time.ns},
+               {"parameters", std::move(parameters)}};
+  if (is_effect)
+    json.update({{"attitude_error_rad", size(event.effect.attitude)},
+                 {"velocity_error_m_per_s", size(event.effect.velocity)},
+                 {"position_error_m", size(event.effect.position)}});
+  return json;
 }
 
 }  // namespace imud

@@ -29,6 +29,9 @@ std::string_view word(FaultLabel::State state) {
   return "never";
 }
 
+// An error of a solution; empty where there is none.
+std::string size_text(double size) { return size < 0 ? std::string() : fmt::format("{}", size); }
+
 }  // namespace
 
 std::vector<FaultLabel> fault_labels(std::span<const FaultConfig> faults, std::span<const std::string> imus,
@@ -36,15 +39,22 @@ std::vector<FaultLabel> fault_labels(std::span<const FaultConfig> faults, std::s
   std::vector<FaultLabel> labels;
   for (std::size_t i = 0; i < log.size(); ++i) {
     const FaultEvent& event = log[i];
-    if (event.has_begun) {
-      const auto state = event.is_passed_over ? FaultLabel::State::passed_over : FaultLabel::State::acted;
-      labels.push_back({&faults[event.fault], imu_of(event, imus), event, event, event.is_passed_over, state});
+    if (event.kind == FaultEvent::Kind::begun || event.kind == FaultEvent::Kind::passed_over) {
+      const bool is_passed_over = event.kind == FaultEvent::Kind::passed_over;
+      const auto state = is_passed_over ? FaultLabel::State::passed_over : FaultLabel::State::acted;
+      labels.push_back({&faults[event.fault], imu_of(event, imus), event, event, is_passed_over, state});
       continue;
     }
+    const bool is_end = event.kind == FaultEvent::Kind::ended;
     const auto begin = std::find_if(labels.rbegin(), labels.rend(), [&](const FaultLabel& label) {
-      return !label.has_ended && label.first.fault == event.fault && label.first.imu == event.imu;
+      return label.first.fault == event.fault && label.first.imu == event.imu &&
+             (is_end ? !label.has_ended : label.first.occurrence == event.occurrence);
     });
     if (begin == labels.rend()) continue;
+    if (!is_end) {
+      begin->effect = event.effect;
+      continue;
+    }
     begin->last = event;
     begin->has_ended = true;
   }
@@ -94,13 +104,19 @@ std::string parameters_text(const FaultConfig& fault, const FaultEvent& event) {
 }
 
 std::string event_text(const FaultConfig& fault, const std::string& imu, const FaultEvent& event) {
-  if (event.is_passed_over)
+  if (event.kind == FaultEvent::Kind::effect)
+    return fmt::format("{}: {}: largest errors of the solution until {:.6g} s{}{}{}", imu, fault.name, event.time_s,
+                       event.effect.attitude < 0 ? "" : fmt::format(", {:.3g} rad", event.effect.attitude),
+                       event.effect.velocity < 0 ? "" : fmt::format(", {:.3g} m/s", event.effect.velocity),
+                       event.effect.position < 0 ? "" : fmt::format(", {:.3g} m", event.effect.position));
+  if (event.kind == FaultEvent::Kind::passed_over)
     return fmt::format("{}: {}: {} of {} has not acted: the simulation's time has leapt over it, to {:.6g} s", imu,
                        fault.name, fault.kind->name, fault.target_text(), event.time_s);
-  const std::string numbers = event.has_begun ? parameters_text(fault, event) : std::string();
+  const bool has_begun = event.kind == FaultEvent::Kind::begun;
+  const std::string numbers = has_begun ? parameters_text(fault, event) : std::string();
   return fmt::format("{}: {}: {} of {}{}{} {} sample {}, {:.6g} s {}", imu, fault.name, fault.kind->name,
                      fault.target_text(), numbers.empty() ? "" : ", ", numbers,
-                     event.has_begun ? "begins with" : "ends with", event.sample, event.time_s,
+                     has_begun ? "begins with" : "ends with", event.sample, event.time_s,
                      event.run < 0 ? "since power on" : "after the begin of the run");
 }
 
@@ -117,24 +133,25 @@ std::string labels_csv(std::span<const FaultLabel> labels, std::span<const Drawn
   std::string text = seed ? "seed," : "";
   text +=
       "fault,imu,target,kind,occurrence,first_sample,last_sample,first_counter,last_counter,begin_s,end_s,"
-      "first_time_ns,last_time_ns,parameters,run,state\n";
+      "first_time_ns,last_time_ns,parameters,run,state,attitude_error_rad,velocity_error_m_per_s,position_error_m\n";
   for (const FaultLabel& label : labels) {
     if (seed) text += fmt::format("{},", *seed);
     if (label.state == FaultLabel::State::never) {
-      text += fmt::format("{},{},{},{},,,,,,,,,,,,{}\n", in_quotes(label.fault->name), in_quotes(label.imu),
+      text += fmt::format("{},{},{},{},,,,,,,,,,,,{},,,\n", in_quotes(label.fault->name), in_quotes(label.imu),
                           label.fault->target_text(), label.fault->kind->name, word(label.state));
       continue;
     }
-    text +=
-        fmt::format("{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{}\n", in_quotes(label.fault->name),
-                    in_quotes(label.imu), label.fault->target_text(), label.fault->kind->name, label.first.occurrence,
-                    label.first.sample, label.last.sample, label.first.counter, label.last.counter,
-                    label.first.time_s, label.last.time_s, label.first.device_time.ns, label.last.device_time.ns,
-                    parameters_text(*label.fault, label.first), label.first.run, word(label.state));
+    text += fmt::format("{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{}\n", in_quotes(label.fault->name),
+                        in_quotes(label.imu), label.fault->target_text(), label.fault->kind->name,
+                        label.first.occurrence, label.first.sample, label.last.sample, label.first.counter,
+                        label.last.counter, label.first.time_s, label.last.time_s, label.first.device_time.ns,
+                        label.last.device_time.ns, parameters_text(*label.fault, label.first), label.first.run,
+                        word(label.state), size_text(label.effect.attitude), size_text(label.effect.velocity),
+                        size_text(label.effect.position));
   }
   for (const auto& [imu, terms] : drawn) {
     if (seed) text += fmt::format("{},", *seed);
-    text += fmt::format(",{},{},{},,,,,,,,,,{},,drawn\n", in_quotes(imu), terms.sensor, terms.layer,
+    text += fmt::format(",{},{},{},,,,,,,,,,{},,drawn,,,\n", in_quotes(imu), terms.sensor, terms.layer,
                         in_quotes(terms.text()));
   }
   return text;
@@ -170,6 +187,12 @@ std::string labels_json(std::span<const FaultLabel> labels, std::span<const Draw
                 {"parameters", std::move(parameters)},
                 {"run", label.first.run},
                 {"state", word(label.state)}});
+    const auto add_error = [&](const char* key, double size) {
+      if (size >= 0) one[key] = size;
+    };
+    add_error("attitude_error_rad", label.effect.attitude);
+    add_error("velocity_error_m_per_s", label.effect.velocity);
+    add_error("position_error_m", label.effect.position);
   }
   for (const auto& [imu, terms] : drawn) {
     nlohmann::ordered_json& one = all.emplace_back(nlohmann::ordered_json::object());

@@ -27,6 +27,7 @@ struct FaultLabel {
   FaultEvent last;   // with its last sample; equals `first` while it acts
   bool has_ended = false;
   State state = State::acted;
+  SolutionErrors effect = {};  // of FaultEvent; negative where the unit has no solution of its own
 };
 
 // How often a fault of the configuration has acted, all imus together.

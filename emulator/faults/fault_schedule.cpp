@@ -43,6 +43,7 @@ void FaultSchedule::go_on_after_rest(State& state) const noexcept {
   state.zero_s -= shift_s;
   state.begin_s -= shift_s;
   state.end_s -= shift_s;
+  if (state.effect) state.effect->until_s -= shift_s;
 }
 
 void FaultSchedule::finish() noexcept {
@@ -54,6 +55,7 @@ void FaultSchedule::begin_run() noexcept {
   for (State& state : states_) {
     if (state.is_added && !has_taken_) continue;
     if (state.is_active) end(state);
+    log_effect(state);
     state.occurrence = 0;
     state.is_above = state.is_ended = false;
     if (!has_taken_ || !state.fault->waits()) continue;  // bytes from the host before the first run count
@@ -141,7 +143,7 @@ void FaultSchedule::begin(State& state) noexcept {
 }
 
 void FaultSchedule::end(State& state) noexcept {
-  log(state, false);
+  log(state, FaultEvent::Kind::ended);
   state.is_active = false;
   ++state.occurrence;
 }
@@ -153,20 +155,41 @@ bool FaultSchedule::is_over(const State& state, std::uint64_t sample, double tim
   return time_s >= state.end_s;
 }
 
-// A begin is logged with the sample that is taken, an end with the one before it.
-void FaultSchedule::log(const State& state, bool has_begun, bool is_passed_over) noexcept {
+// A begin is logged with the sample that is taken, an end with the one before it, an effect with the last one.
+void FaultSchedule::log(const State& state, FaultEvent::Kind kind) noexcept {
+  using Kind = FaultEvent::Kind;
+  const bool has_begun = kind == Kind::begun || kind == Kind::passed_over, is_effect = kind == Kind::effect;
   const bool is_of_rest = is_resting_ || (next_ == 0 && !has_begun);
   log_.add({.fault = state.number,
             .imu = imu_,
-            .has_begun = has_begun,
-            .is_passed_over = is_passed_over,
+            .kind = kind,
             .run = is_of_rest ? -1 : run_,
-            .occurrence = state.occurrence,
+            .occurrence = is_effect ? state.effect->occurrence : state.occurrence,
             .sample = has_begun ? next_ : (next_ == 0 ? at_rest_ : next_) - 1,
             .counter = counter_,
             .time_s = time_s_,
             .device_time = device_time_,
-            .parameters = state.active.parameters});
+            .parameters = state.active.parameters,
+            .effect = is_effect ? state.effect->largest : SolutionErrors{}});
+}
+
+void FaultSchedule::log_effect(State& state) noexcept {
+  if (!state.effect) return;
+  log(state, FaultEvent::Kind::effect);
+  state.effect.reset();
+}
+
+void FaultSchedule::judge(const SolutionErrors& errors) noexcept {
+  for (State& state : states_) {
+    if (state.is_active) {
+      if (state.effect && state.effect->occurrence != state.occurrence) log_effect(state);
+      if (!state.effect) state.effect = {.occurrence = state.occurrence, .until_s = 0};
+      state.effect->until_s = time_s_ + FaultEvent::effect_s;
+    } else if (state.effect && time_s_ > state.effect->until_s + 0.5 * period_s_) {
+      log_effect(state);
+    }
+    if (state.effect) state.effect->largest.raise_to(errors);
+  }
 }
 
 void FaultSchedule::host_sent(std::span<const std::byte> bytes) noexcept {
@@ -204,7 +227,7 @@ void FaultSchedule::take(const Sample& sample, double time_s, std::optional<std:
   std::erase_if(states_, [](const State& state) {
     const FaultConfig& fault = *state.fault;
     const bool is_over = state.is_ended || (fault.times > 0 && state.occurrence >= fault.times);
-    return state.is_added && !state.is_active && is_over;
+    return state.is_added && !state.is_active && !state.effect && is_over;
   });
   counter_ = sample.counter;
   device_time_ = sample.time;
@@ -227,10 +250,10 @@ void FaultSchedule::take(const Sample& sample, double time_s, std::optional<std:
       begin(state);
       if (!state.is_active) continue;
       if (!is_over(state, next_, time_s)) {
-        log(state, true);
+        log(state, FaultEvent::Kind::begun);
         break;
       }
-      if (!std::exchange(is_logged, true)) log(state, true, true);
+      if (!std::exchange(is_logged, true)) log(state, FaultEvent::Kind::passed_over);
       state.is_active = false;
       ++state.occurrence;
     }

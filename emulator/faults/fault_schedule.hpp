@@ -46,6 +46,9 @@ class FaultSchedule {
   // since any instant.
   void take_at_rest(const Sample& sample, Nanoseconds since,
                     std::optional<std::int64_t> utc_ns = std::nullopt) noexcept;
+  // Counts the errors of the unit's own solution at the sample that was taken as effects of the faults that act on
+  // it, or have acted within FaultEvent::effect_s before. Not called where a unit has no solution of its own.
+  void judge(const SolutionErrors& errors) noexcept;
   // Returns whether there are added faults.
   bool has_added() const noexcept {
     return std::any_of(states_.begin(), states_.end(), [](const State& state) { return state.is_added; });
@@ -72,6 +75,12 @@ class FaultSchedule {
  private:
   static constexpr std::size_t seams = 5;
 
+  // The effect of an occurrence on the unit's own solution.
+  struct Effect {
+    std::uint64_t occurrence;
+    double until_s;
+    SolutionErrors largest = {};
+  };
   struct State {
     const FaultConfig* fault;
     std::uint32_t number;
@@ -88,6 +97,7 @@ class FaultSchedule {
     double begin_s = 0, end_s = 0;
     std::uint64_t first = 0;  // its first sample
     ActiveFault active = {};
+    std::optional<Effect> effect = {};  // of the last occurrence, as long as it is judged
   };
   struct Range {
     std::size_t begin = 0, size = 0;
@@ -101,7 +111,8 @@ class FaultSchedule {
   void end(State& state) noexcept;
   static State state_of(const FaultConfig& fault, std::uint32_t number) noexcept;
   static bool is_over(const State& state, std::uint64_t sample, double time_s) noexcept;
-  void log(const State& state, bool has_begun, bool is_passed_over = false) noexcept;
+  void log(const State& state, FaultEvent::Kind kind) noexcept;
+  void log_effect(State& state) noexcept;
 
   const std::span<const Normals> normals_;
   const std::uint16_t imu_;

@@ -192,6 +192,7 @@ Reload::Reload(const Config& before, const Config& after, std::span<const ImuCon
          .imu = Imu(model, imus[i].seed.value_or(seed), stream_id(imus[i].name)),
          .oscillator = Oscillator(model.oscillator, model.temperature, model.temperature_c, imu->grid),
          .solution = filters_itself ? std::optional<OwnSolution>(std::in_place, imu->navigator, model) : std::nullopt,
+         .judge = filters_itself ? std::optional<SolutionJudge>(model) : std::nullopt,
          .grid = changes_key("rate_hz") || changes_key("clock_error_ppm") ? std::optional(imu->grid) : std::nullopt,
          .device = nullptr,
          .delivered_device = nullptr,

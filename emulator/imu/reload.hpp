@@ -15,6 +15,7 @@
 #include "core/imu.hpp"
 #include "core/navigation/own_solution.hpp"
 #include "emulator/imu/command.hpp"
+#include "emulator/imu/solution_judge.hpp"
 #include "emulator/plan/config.hpp"
 #include "protocols/protocol.hpp"
 #include "transports/port.hpp"
@@ -47,6 +48,7 @@ struct Reload {
     Imu imu;
     Oscillator oscillator;
     std::optional<OwnSolution> solution;  // it begins to align
+    std::optional<SolutionJudge> judge;   // of that
     std::optional<Grid> grid;             // nullopt: it stays
     // With other settings, and as delivered; nullptr: they stay.
     std::unique_ptr<Device> device, delivered_device;

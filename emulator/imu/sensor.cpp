@@ -28,6 +28,7 @@ Sensor::Sensor(const ImuConfig& config, std::uint64_t seed, ChannelFaults* fault
   if (device_filters_) imu_.reserve_filters(Device::longest_boxcar);
   if (config.navigator.is_on) solution_.emplace(config.navigator, config.model);
   if (faults_ == nullptr) return;
+  if (solution_) judge_.emplace(config.model);
   const auto utc = std::chrono::system_clock::now().time_since_epoch();
   utc_offset_ns_ = std::chrono::duration_cast<Nanoseconds>(utc).count() - host_now().ns;
 }
@@ -66,7 +67,11 @@ void Sensor::sense(const Timeline& timeline, TruthTime time, std::uint64_t k) no
 // The filter takes the measurements of the sensors, with their faults.
 [[gnu::noinline]] void Sensor::navigate(const Timeline& timeline, TruthTime time) noexcept {
   const TruthTime measured = time - sampling_delay_;
-  solution_->take(sample_, measured, timeline.position(measured).earth_angle);
+  const PositionVelocity position = timeline.position(measured);
+  const bool is_judged = judge_ && faults_->may_act();
+  if (is_judged) judge_->keep(sample_, position, imu_.true_rate());
+  solution_->take(sample_, measured, position.earth_angle);
+  if (is_judged) faults_->schedule().judge(judge_->errors(sample_));
 }
 
 // Changes the sample as the errors of the clock, a leap of the truth, and faults do.
@@ -115,6 +120,7 @@ void Sensor::exchange(Reload::Sensor& next) noexcept {
   next.imu.continue_from(imu_);
   std::swap(imu_, next.imu);
   std::swap(solution_, next.solution);
+  std::swap(judge_, next.judge);
   if (next.grid) {
     grid_ = *next.grid;
     clock_.change(grid_);

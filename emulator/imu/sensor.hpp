@@ -10,6 +10,7 @@
 #include "emulator/faults/channel_faults.hpp"
 #include "emulator/imu/device_clock.hpp"
 #include "emulator/imu/reload.hpp"
+#include "emulator/imu/solution_judge.hpp"
 #include "emulator/plan/config.hpp"
 
 namespace imud {
@@ -76,6 +77,7 @@ class Sensor {
   StampError stamp_error_;
   bool has_clock_errors_;  // one of the two is on
   std::optional<OwnSolution> solution_;
+  std::optional<SolutionJudge> judge_;  // of what faults do to it; if there are faults
   const Nanoseconds sampling_delay_;
   const bool device_filters_;  // the device's settings have the filters
   SensorFilters filters_;      // if device_filters_

@@ -85,7 +85,7 @@ TEST_F(FaultScheduleTest, AFaultThatNeverBeginsIsNamed) {
     add_never_begun(config.faults, labels);
     ASSERT_EQ(labels.size(), has_begun ? 5U : 1U);
     const std::vector<std::string> rows = lines_of(labels_csv(labels));
-    EXPECT_EQ(rows[1] == "off,imu1,gyro.x,bias,,,,,,,,,,,,never", !has_begun) << rows[1];
+    EXPECT_EQ(rows[1] == "off,imu1,gyro.x,bias,,,,,,,,,,,,never,,,", !has_begun) << rows[1];
     EXPECT_EQ(contains(labels_json(labels), "\"state\": \"never\""), !has_begun);
   }
 }
