@@ -1,6 +1,7 @@
 // The measurements of a Navigator's aids, each compared with the motion of its time.
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "core/navigation/azimuth.hpp"
 #include "core/navigation/navigator.hpp"
@@ -53,13 +54,16 @@ void Navigator::use_fix(const Sample& sample, const At& at) noexcept {
       .innovation = axes * (measured.r_N - r_N + early_s * v_N),
       .variance = position_late2 + noise2(model_.position, model_.slow_position),
       .error = position_error_};
-  if (is_rejecting_ && rejecting_s_ > model_.accept_after_s) {  // the filter's own position is no longer trusted
-    filter_.add_variance(InertialFilter::position, position.innovation.squaredNorm());
-    filter_.add_variance(InertialFilter::velocity, (measured.v_N - v_N).squaredNorm());
+  if (is_rejecting_ && rejecting_s_ > model_.accept_after_s) {
+    if (other_attitude_) return begin_again(measured, sample, at);
+    doubt(position.innovation, measured.v_N - v_N);
   }
   if (!use(aid::position, position)) {
-    if (!is_rejecting_) rejecting_s_ = 0;
-    is_rejecting_ = true;
+    if (!std::exchange(is_rejecting_, true)) {
+      rejecting_s_ = 0;
+      other_attitude_.reset();
+      has_begun_ = false;
+    }
     ++fixes_.rejected;
     return;
   }

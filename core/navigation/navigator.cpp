@@ -100,9 +100,10 @@ void Navigator::take(Sample& sample, TruthTime time, std::optional<double> earth
     since_fix_s_ += dt;
     rejecting_s_ += dt;
   }
-  past_[number_ % past_.size()] = {filter_.motion().v_N - corrections_.v_N, filter_.motion().r_N - corrections_.r_N};
+  remember_motion();
   const std::uint64_t since = number_ - aligned_at_;
   if (!is_held && since > 0) {
+    if (is_rejecting_) review(sample, at, dt);
     if (fix_every_ > 0 && since % fix_every_ == 0) {
       forget(aid::position | aid::velocity);
       use_fix(sample, at);
@@ -150,22 +151,25 @@ void Navigator::align(const Sample& sample, const At& at, double dt) noexcept {
     there.time = at.time;
     return begin_filter(now, sample, at, q_NL(there, fix) * sample.q_LP, {1e-6, 1e-6});
   }
-  if (!has_begun_) {
+  if (const auto aligned = measure_attitude(now, sample))
+    begin_filter(now, sample, at, aligned->q_NP, aligned->sigma);
+}
+
+std::optional<Navigator::Aligned> Navigator::measure_attitude(const PositionVelocity& now,
+                                                              const Sample& sample) noexcept {
+  if (!std::exchange(has_begun_, true)) {
     alignment_.begin();
     first_v_N_.reset();
     window_.reset();
-    has_begun_ = true;
   }
   // The fixes at the begin and at the end of the window arrive late.
   constexpr double rounding_s = 1e-6;
   const double t = alignment_.time_s() + rounding_s, late_s = seconds(latency_);
   if (!first_v_N_ && t >= late_s) first_v_N_ = now.v_N;
   if (!window_ && t >= model_.alignment_s) window_ = alignment_;
-  if (!first_v_N_ || !window_ || t < model_.alignment_s + late_s) return;
-  if (const auto aligned = coarse_attitude(now, sample))
-    begin_filter(now, sample, at, aligned->q_NP, aligned->sigma);
-  else
-    has_begun_ = false;
+  if (!first_v_N_ || !window_ || t < model_.alignment_s + late_s) return std::nullopt;
+  has_begun_ = false;
+  return coarse_attitude(now, sample);
 }
 
 // The change of the velocity less the gravitation's is one direction. The other is the magnetic field, or the course,
@@ -203,7 +207,7 @@ std::optional<Navigator::Aligned> Navigator::coarse_attitude(const PositionVeloc
 }
 
 void Navigator::begin_filter(const PositionVelocity& now, const Sample& sample, const At& at, const Quaternion& q_NP,
-                             const Vector2& sigma) noexcept {
+                             const Vector2& sigma, double more_gyro_bias) noexcept {
   using Filter = InertialFilter;
   const Matrix3 axes = q_NL(now, sample.fix()).toRotationMatrix();
   Filter::Covariance P = Filter::Covariance::Zero();
@@ -212,7 +216,9 @@ void Navigator::begin_filter(const PositionVelocity& now, const Sample& sample, 
       turned(axes, model_.velocity) + turned(axes, model_.slow_velocity);
   P.block<3, 3>(Filter::position, Filter::position) =
       turned(axes, model_.position) + turned(axes, model_.slow_position);
-  P.block<3, 3>(Filter::gyro_bias, Filter::gyro_bias).diagonal().setConstant(model_.gyro_bias * model_.gyro_bias);
+  P.block<3, 3>(Filter::gyro_bias, Filter::gyro_bias)
+      .diagonal()
+      .setConstant(model_.gyro_bias * model_.gyro_bias + more_gyro_bias * more_gyro_bias);
   P.block<3, 3>(Filter::accelerometer_bias, Filter::accelerometer_bias)
       .diagonal()
       .setConstant(model_.accelerometer_bias * model_.accelerometer_bias);
@@ -232,6 +238,10 @@ void Navigator::begin_filter(const PositionVelocity& now, const Sample& sample, 
   rest_detector_.begin();
   corrections_ = {};
   used_ = rejected_ = 0;
+}
+
+void Navigator::remember_motion() noexcept {
+  past_[number_ % past_.size()] = {filter_.motion().v_N - corrections_.v_N, filter_.motion().r_N - corrections_.r_N};
 }
 
 // --- Frames

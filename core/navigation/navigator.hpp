@@ -19,8 +19,10 @@ void tune(NavigatorModel& navigator, const ImuModel& imu) noexcept;
 
 // Replaces the attitude and the place of each sample by the filter's solution. Until the alignment is complete there
 // is no place, and the attitude is by gravity and the magnetic field alone. Without a receiver's fix the solution
-// coasts; the time runs on. Where motion is held because truth has stopped, the solution coasts for a second and is
-// held then; when truth returns it aligns again, and also where the simulator has stood still for less.
+// coasts; the time runs on. Where fixes are rejected until they have to be accepted, because the attitude is wrong,
+// the filter begins again with them and a new attitude; the place has no gap. Where motion is held because truth has
+// stopped, the solution coasts for a second and is held then; when truth returns it aligns again, and also where the
+// simulator has stood still for less.
 //
 // Nothing here allocates after construction, locks or throws; not thread-safe.
 class Navigator {
@@ -60,9 +62,18 @@ class Navigator {
     Vector2 sigma;  // rad, of tilt and heading
   };
   void align(const Sample& sample, const At& at, double dt) noexcept;
+  // Returns the attitude at the end of a window of alignment_s; the next call begins the next window.
+  std::optional<Aligned> measure_attitude(const PositionVelocity& now, const Sample& sample) noexcept;
   std::optional<Aligned> coarse_attitude(const PositionVelocity& now, const Sample& sample) const noexcept;
   void begin_filter(const PositionVelocity& now, const Sample& sample, const At& at, const Quaternion& q_NP,
-                    const Vector2& sigma) noexcept;
+                    const Vector2& sigma, double more_gyro_bias = 0) noexcept;
+  void remember_motion() noexcept;
+  // While fixes are rejected, measures the attitude as for the alignment, and compares the filter's with it.
+  void review(const Sample& sample, const At& at, double dt) noexcept;
+  // Adds to the covariance the innovations of a fix that has to be accepted, and what may be their cause.
+  void doubt(const Vector3& position, const Vector3& velocity_N) noexcept;
+  // Begins again at a fix, with the other attitude.
+  void begin_again(const PositionVelocity& measured, const Sample& sample, const At& at) noexcept;
   void use_fix(const Sample& sample, const At& at) noexcept;
   void use_heading(const Sample& sample, const At& at) noexcept;
   void use_height(const Sample& sample, const At& at) noexcept;
@@ -113,7 +124,12 @@ class Navigator {
   double since_fix_s_ = 0, held_s_ = 0;
   double rejecting_s_ = 0;  // since the first of the rejections after the last fix that was used
   bool is_rejecting_ = false;
-  At at_;  // of the last sample that the filter has integrated
+  struct OtherAttitude {
+    Quaternion turn_N;  // from the filter's attitude to the one that was measured
+    Vector2 sigma;      // rad, of its tilt and heading
+  };
+  std::optional<OtherAttitude> other_attitude_;  // while fixes are rejected: the filter's attitude cannot be right
+  At at_;                                        // of the last sample that the filter has integrated
   Geodetic origin_;
   std::int64_t receiver_clock_ns_ = 0;  // the receiver's GPS time less the true one
   double heights_rejected_s_ = 0;       // for which all heights have been rejected
