@@ -50,7 +50,6 @@ struct NavigatorModel {
   double barometric_walk = 0.13;
   static constexpr double barometric_offset = 500;  // m, standard deviation of the difference at the begin; chosen
   bool zero_velocity = false;                       // a vehicle that is found to be at rest has no velocity
-  double heading = 0.035;                           // rad, of a magnetic heading
   double quiet_acceleration = 0.2;  // m/s^2, above 0, of a vehicle without manoeuvres (attitude); chosen
   InertialNoise noise;
   double gyro_bias = 0, accelerometer_bias = 0;  // rad/s, m/s^2: standard deviations at the begin
