@@ -42,6 +42,7 @@ void Fields::set_sample(const Sample& sample) noexcept {
     restarted_.reset();
   }
   sample_ = sample;
+  if (sample.solution && sample.fix().is_known) last_fix_ = sample.fix();
   sample_.rate = q_VP * (sample.rate - c.gyro_bias);
   sample_.specific_force = q_VP * (sample.specific_force - c.accelerometer_bias);
   sample_.magnetic_field = q_VP * sample.magnetic_field;
@@ -58,6 +59,7 @@ void Fields::restart(DeviceTime now) noexcept {
   restarted_ = now;
   restarted_tick_ = sample_.counter;
   filter_began_.reset();
+  last_fix_.reset();
   sample_ = {};
   sample_.time = now;
   sample_.counter = restarted_tick_;

@@ -206,6 +206,7 @@ class Fields {
   OwnFigures figures_;
   Sample sample_;  // in V
   bool has_sampled_ = false;
+  std::optional<Navigation> last_fix_;            // since power-on or reset, of a unit with a filter of its own
   std::array<Since, streams_of_a_device> since_;  // since each stream was last sent
   std::optional<DeviceTime> filter_began_;        // the first sample at which the filter could begin
   std::optional<DeviceTime> restarted_;           // nullopt: reference time is the sensor's own clock

@@ -62,11 +62,11 @@ void Fields::put_filter(Packet& packet, std::uint8_t descriptor, DeviceTime at) 
   std::uint16_t valid = is_stable;
   switch (descriptor) {
     case 0x01:
-      put_position(packet, navigation);
+      put_position(packet, sample_.timed());
       valid = navigates;
       break;
     case 0x02:
-      packet.put_floats(navigation.v_L);
+      packet.put_floats(sample_.timed().v_L);
       valid = navigates;
       break;
     case 0x03:
@@ -129,7 +129,7 @@ void Fields::put_filter(Packet& packet, std::uint8_t descriptor, DeviceTime at) 
     case 0x49:
       return put_dual_antenna(packet, at);
     default:
-      packet.put_doubles(navigation.r_E);
+      packet.put_doubles(sample_.timed().r_E);
       valid = navigates;
       break;
   }
@@ -162,10 +162,13 @@ void Fields::put_dual_antenna(Packet& packet, DeviceTime at) const noexcept {
   packet.put(std::uint16_t{is_known()});
 }
 
-// Where the receiver reports the truth, its accuracies are as under an open sky.
+// Where the receiver reports the truth, its accuracies are as under an open sky. A receiver that has lost its fix
+// goes on reporting the last place, flagged as invalid (u-blox, ANTARIS 4 System Integration Manual, 4.6.5.2: the
+// position is extrapolated and indicated as no fix; without the extrapolation).
 void Fields::put_gnss(Packet& packet, std::uint8_t descriptor, DeviceTime at) const noexcept {
   const Navigation& navigation = sample_.fix();
   const bool is_fixed = navigation.is_known;
+  const Navigation& place = !is_fixed && last_fix_ ? *last_fix_ : navigation;
   const Vector3& v = navigation.v_L;
   const auto if_known = [&](int flags) { return static_cast<std::uint16_t>(is_fixed ? flags : 0); };
   const auto put_accuracy = [&](double figure, double otherwise) {
@@ -173,14 +176,14 @@ void Fields::put_gnss(Packet& packet, std::uint8_t descriptor, DeviceTime at) co
   };
   switch (descriptor) {
     case 0x03:
-      put_position(packet, navigation);
-      packet.put(navigation.height);  // in place of the height above mean sea level, which is flagged as invalid
+      put_position(packet, place);
+      packet.put(place.height);  // in place of the height above mean sea level, which is flagged as invalid
       put_accuracy(figures_.position.head<2>().norm(), 1.2);  // m, horizontal
       put_accuracy(figures_.position.z(), 1.8);               // m, vertical
       packet.put(if_known(0x1B));
       break;
     case 0x04:
-      packet.put_doubles(navigation.r_E);
+      packet.put_doubles(place.r_E);
       put_accuracy(figures_.position.norm(), 2.2);  // m
       packet.put(if_known(0x03));
       break;

@@ -166,6 +166,54 @@ TEST(MipNavigation, Receiver) {
   EXPECT_EQ(field(lost, 0x0B), (Bytes{3, 0, 0, 0, 0, 7})) << "no fix";
 }
 
+// ArduPilot takes the height from the receiver's position, also without a fix: from 0 it would climb for its life.
+TEST(MipNavigation, AReceiverWithoutAFixReportsItsLastPlace) {
+  for (const std::string model : {"3dm-gx5-45", "3dm-gq7"}) {
+    const std::uint8_t set = model == "3dm-gq7" ? 0x91 : 0x81;
+    Unit unit({{"model", model}});
+    ASSERT_EQ(unit.code(command(0x0C, 0x0F, {1, set, 4, 0x03, 0, 1, 0x04, 0, 1, 0x05, 0, 1, 0x0B, 0, 1})), 0);
+    const auto fields = [&](const Navigation& fix) {
+      unit.sample = known();
+      unit.sample.solution = Solution{.state = Solution::State::coasting, .receiver = fix};
+      Bytes newest;
+      for (const Bytes& packet : unit.run(1000))
+        if (packet[2] == set) newest = packet;
+      return newest;
+    };
+    const Bytes before = fields({}), fixed = fields(known().navigation), lost = fields({});
+    ASSERT_FALSE(before.empty() || fixed.empty() || lost.empty());
+    EXPECT_EQ(field(before, 0x03), Bytes(42)) << "there was none yet";
+    EXPECT_EQ(number_at<std::uint16_t>(field(fixed, 0x03), 40), 0x1B);
+    const Bytes place = field(lost, 0x03), ecef = field(lost, 0x04);
+    EXPECT_DOUBLE_EQ(number_at<double>(place, 0), 40);
+    EXPECT_DOUBLE_EQ(number_at<double>(place, 8), -105.25);
+    EXPECT_DOUBLE_EQ(number_at<double>(place, 16), 1655);
+    EXPECT_DOUBLE_EQ(number_at<double>(place, 24), 1655);
+    EXPECT_EQ(number_at<std::uint16_t>(place, 40), 0) << "not valid";
+    EXPECT_EQ(number_at<double>(ecef, 16), 4e6);
+    EXPECT_EQ(number_at<std::uint16_t>(ecef, 28), 0);
+    EXPECT_EQ(field(lost, 0x05), Bytes(34)) << "velocity";
+    EXPECT_EQ(field(lost, 0x0B), (Bytes{3, 0, 0, 0, 0, 7}));
+  }
+}
+
+// A place of 0, 0 would be one to ArduPilot, which does not look at the flags.
+TEST(MipNavigation, AFilterThatAlignsReportsTheReceiversPlace) {
+  for (const char* model : {"3dm-gx5-45", "3dm-cv7-ins", "3dm-gq7"}) {
+    Sample sample = known();
+    sample.solution = Solution{.receiver = sample.navigation};
+    sample.navigation = {};
+    const Bytes packet = sent(model, 0x82, {0x01, 0x02, 0x40}, sample);
+    const Bytes position = field(packet, 0x01), velocity = field(packet, 0x02), ecef = field(packet, 0x40);
+    EXPECT_DOUBLE_EQ(number_at<double>(position, 0), 40) << model;
+    EXPECT_EQ(number_at<std::uint16_t>(position, 24), 0) << "not valid";
+    EXPECT_EQ(number(velocity, 1), -40);
+    EXPECT_EQ(number_at<std::uint16_t>(velocity, 12), 0);
+    EXPECT_EQ(number_at<double>(ecef, 8), -4e6);
+    EXPECT_EQ(number_at<std::uint16_t>(ecef, 24), 0);
+  }
+}
+
 // The figures of the solution's own errors, in place of those of a unit under an open sky.
 TEST(MipNavigation, AccuraciesAreThoseOfTheErrors) {
   OwnFigures figures;
