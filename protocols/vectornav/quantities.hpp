@@ -1,6 +1,7 @@
 // Quantities: the quantities that VectorNav's messages (messages.cpp) and binary fields (fields.cpp) report, in the
 // product's units. Attitude, position and velocity come from the sample. Their accuracies are the standard deviations
 // of their errors, or, without errors, the constants below; where the unit's filter has computed them, the filter's.
+// While the filter aligns, position and velocity are the receiver's.
 #pragma once
 
 #include <cmath>
@@ -21,7 +22,7 @@ inline constexpr double dilution = 1.0;
 class Quantities {
  public:
   Quantities(const Reading& reading, const Sums& sums) noexcept
-      : Quantities(reading, sums, reading.sample.navigation, reading.sample.solution.has_value()) {}
+      : Quantities(reading, sums, reading.sample.timed(), reading.sample.solution.has_value()) {}
   // Returns the same with place and accuracies of the receiver.
   static Quantities of_receiver(const Reading& reading, const Sums& sums) noexcept {
     return {reading, sums, reading.sample.fix(), false};
@@ -104,16 +105,16 @@ class Quantities {
     return static_cast<std::uint16_t>(mode() | fix_flags);
   }
   Vector3 position_errors_m() const noexcept {
-    if (is_filter_) return if_fixed(s_.solution->position.cast<double>());
+    if (is_filters_place()) return if_fixed(s_.solution->position.cast<double>());
     return if_fixed(double{navigation_.accuracy_factor} *
                     figure_or(r_.figures.position, Vector3::Constant(position_error)));
   }
   double position_error_m() const noexcept {
-    if (is_filter_) return has_fix() ? rms(s_.solution->position.cast<double>()) : 0;
+    if (is_filters_place()) return has_fix() ? rms(s_.solution->position.cast<double>()) : 0;
     return has_fix() ? double{navigation_.accuracy_factor} * figure_or(rms(r_.figures.position), position_error) : 0;
   }
   double velocity_error_m_per_s() const noexcept {
-    if (is_filter_) return has_fix() ? rms(s_.solution->velocity.cast<double>()) : 0;
+    if (is_filters_place()) return has_fix() ? rms(s_.solution->velocity.cast<double>()) : 0;
     return has_fix() ? double{navigation_.accuracy_factor} * figure_or(rms(r_.figures.velocity), 0.05) : 0;
   }
   double time_error_s() const noexcept { return knows_time() ? 2e-8 : 0; }
@@ -126,6 +127,7 @@ class Quantities {
   Quantities(const Reading& reading, const Sums& sums, const Navigation& navigation, bool is_filter) noexcept
       : r_(reading), s_(reading.sample), navigation_(navigation), sums_(sums), is_filter_(is_filter) {}
 
+  bool is_filters_place() const noexcept { return is_filter_ && s_.navigation.is_known; }
   // The receiver's time, or after its last fix the filter's.
   bool knows_time() const noexcept { return r_.model.receivers > 0 && (navigation_.is_known || s_.fix().is_known); }
   unsigned mode() const noexcept {
@@ -148,7 +150,7 @@ class Quantities {
   const Sample& s_;
   const Navigation& navigation_;
   const Sums& sums_;
-  bool is_filter_;  // place, attitude and their accuracies are the filter's
+  bool is_filter_;  // the attitude, its accuracy and the mode are the filter's, and the place once it is aligned
 };
 
 }  // namespace imud::vectornav
