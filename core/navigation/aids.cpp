@@ -58,7 +58,14 @@ void Navigator::use_fix(const Sample& sample, const At& at) noexcept {
     if (other_attitude_) return begin_again(measured, sample, at);
     doubt(position.innovation, measured.v_N - v_N);
   }
-  if (!use(aid::position, position)) {
+  const bool is_near = use(aid::position, position);
+  if (is_near) since_fix_s_ = 0;
+  // The position has corrected the velocity as well.
+  if (!is_near || !use(aid::velocity, {.first = InertialFilter::velocity,
+                                       .axes_N = axes,
+                                       .innovation = axes * (measured.v_N - past.v_N - corrections_.v_N),
+                                       .variance = velocity_late2 + noise2(model_.velocity, model_.slow_velocity),
+                                       .error = velocity_error_})) {
     if (!std::exchange(is_rejecting_, true)) {
       rejecting_s_ = 0;
       other_attitude_.reset();
@@ -67,14 +74,7 @@ void Navigator::use_fix(const Sample& sample, const At& at) noexcept {
     ++fixes_.rejected;
     return;
   }
-  // The position has corrected the velocity as well.
-  use(aid::velocity, {.first = InertialFilter::velocity,
-                      .axes_N = axes,
-                      .innovation = axes * (measured.v_N - past.v_N - corrections_.v_N),
-                      .variance = velocity_late2 + noise2(model_.velocity, model_.slow_velocity),
-                      .error = velocity_error_});
   ++fixes_.used;
-  since_fix_s_ = 0;
   is_rejecting_ = false;
 }
 
