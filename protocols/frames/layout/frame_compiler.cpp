@@ -91,7 +91,7 @@ void FrameLayout::Compiler::set_increments() noexcept {
   for (Field& field : out_.fields_) {
     if (field.quantity == nullptr) continue;
     out_.has_increments_ |= field.quantity->is_increment;
-    if (field.quantity->set == nullptr || field.modulus != 0) continue;
+    if (field.quantity->set == nullptr || field.modulus != 0 || field.source == Source::flag) continue;
     ReadBack own;
     field.quantity->set(0, own);
     field.is_inertial = own.components != 0;
@@ -206,6 +206,7 @@ void FrameLayout::Compiler::add_field(const Placed& placed) {
   field.width = static_cast<unsigned>(8 * element.number.bytes);
   field.source = element.source.kind;
   field.quantity = element.source.in.quantity;
+  field.otherwise = element.source.otherwise;
   field.is_floor = element.is_floor;
   field.name = out_.field_names_.size();
   field.needs = placed.needs;
@@ -229,6 +230,7 @@ void FrameLayout::Compiler::add_bits(const Placed& placed) {
     field.width = bits.high - bits.low + 1;
     field.source = bits.source.kind;
     field.quantity = bits.source.in.quantity;
+    field.otherwise = bits.source.otherwise;
     field.status_bits = bits.source.bits;
     field.is_inverse = bits.source.is_inverse;
     field.name = out_.field_names_.size();
@@ -238,7 +240,13 @@ void FrameLayout::Compiler::add_bits(const Placed& placed) {
       fixed |= low_bits(field.width) << bits.low;
       continue;
     }
-    if (field.source != Source::status) set_counting(field, bits.source);
+    if (field.source == Source::flag) {
+      field.factor = bits.source.in.factor;
+      field.zero = bits.source.in.offset;
+      field.limit = bits.source.limit;
+    } else if (field.source != Source::status) {
+      set_counting(field, bits.source);
+    }
     out_.fields_.push_back(field);
     out_.field_names_.push_back(bits.source.name);
   }

@@ -63,6 +63,17 @@ void parse_field(FrameElement& element, std::string_view text, std::size_t colon
     refuse_element("only an integer that is rounded, and carries no remainder, is rounded down");
 }
 
+// Makes a bit of a quantity that is a number. `limit`: "<NUMBER", or empty.
+void make_flag(FrameSource& source, std::string_view limit) {
+  if (source.modulus != 0) refuse_element("a bit has no modulus");
+  source.kind = FrameSource::Kind::flag;
+  if (limit.empty()) return;
+  source.limit = number_in<double>(limit.substr(1));
+  if (!source.limit || !std::isfinite(*source.limit))
+    refuse_element(in_quotes(limit) + ": the limit of a bit must be a number, as in 4=position_sigma_north_m<10");
+  source.name += limit;
+}
+
 void parse_bits(FrameElement& element, std::string_view text, bool is_big) {
   element.kind = FrameElement::Kind::bits;
   const std::size_t colon = text.find(':');
@@ -92,15 +103,23 @@ void parse_bits(FrameElement& element, std::string_view text, bool is_big) {
       if (*constant > mask >> *low) refuse_element(in_quotes(part) + ": the constant is too large for the bits");
     } else {
       const bool is_inverse = name.starts_with('!');
-      field.source = source_in(name.substr(is_inverse ? 1 : 0));
+      const std::size_t below = std::min(name.find('<'), name.size());
+      field.source = source_in(name.substr(is_inverse ? 1 : 0, below - (is_inverse ? 1 : 0)));
       field.source.is_inverse = is_inverse;
       check_modulus(field.source);
-      const bool is_status = field.source.kind == FrameSource::Kind::status;
-      if (!is_status && !is_counting(field.source))
+      const bool is_number = field.source.kind == FrameSource::Kind::quantity &&
+                             field.source.in.quantity->kind == MeasuredQuantity::Kind::number;
+      if (is_number)
+        make_flag(field.source, name.substr(below));
+      else if (below != name.size())
+        refuse_element(in_quotes(part) + ": only a quantity that is a number has a limit");
+      const bool is_bit = is_number || field.source.kind == FrameSource::Kind::status;
+      if (!is_bit && !is_counting(field.source))
         refuse_element(in_quotes(part) +
-                       ": bits are constants, counters, the status, or bits of the status; a quantity is a field");
-      if (is_inverse && !is_status) refuse_element(in_quotes(part) + ": only a bit of the status has an inverse");
-      if (is_status && *high != *low) refuse_element(in_quotes(part) + ": give one bit");
+                       ": bits are constants, counters, the status, its bits, or bits of quantities");
+      if (is_inverse && !is_bit)
+        refuse_element(in_quotes(part) + ": only a bit of the status or of a quantity has an inverse");
+      if (is_bit && *high != *low) refuse_element(in_quotes(part) + ": give one bit");
     }
     element.bit_fields.push_back(std::move(field));
   });

@@ -24,17 +24,21 @@ struct FrameSource {
     alive_counter,  // counts the message
     frame_counter,  // counts all messages of the device
     status,         // 1 if one of `bits` is set in Sample::status, or while the device is starting
+    flag,           // 1 if the quantity in `in` is above 0, or, if there is a `limit`, below that
   };
   static constexpr std::uint32_t starting = 0;  // `bits` of the state of the device
 
   Kind kind = Kind::constant;
   MeasuredIn in = {};
-  std::string name = {};       // as written, with its unit: "rate_x_deg_per_s"; without sign, modulus and inverse
-  std::string unit = {};       // as written, for people: "deg_per_s"
-  std::uint32_t bits = 0;      // of a status
-  bool is_inverse = false;     // of a status
-  std::uint64_t constant = 0;  // of a constant
-  double modulus = 0;          // in the unit; 0: none
+  std::string name = {};    // as written, with its unit: "rate_x_deg_per_s"; without sign, modulus and inverse
+  std::string unit = {};    // as written, for people: "deg_per_s"
+  std::uint32_t bits = 0;   // of a status
+  bool is_inverse = false;  // of a status or a flag
+  std::optional<double> limit = {};  // of a flag; in the unit
+  std::uint64_t constant = 0;        // of a constant
+  double modulus = 0;                // in the unit; 0: none
+  // SI, in place of the value of a quantity or flag where the unit has no navigation solution of its own.
+  std::optional<double> otherwise = {};
 };
 
 struct FrameElement {

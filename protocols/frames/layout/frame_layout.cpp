@@ -63,6 +63,12 @@ std::uint64_t FrameLayout::number_of(const Field& field, const Reading& reading,
       return counted(state.frames);
     case Source::status:
       return is_set(field.status_bits, reading, state) != field.is_inverse ? 1 : 0;
+    case Source::flag: {
+      const double si = imud::number_of(*field.quantity, field.otherwise, reading, given);
+      const double value = (si - field.zero) / field.factor;
+      const bool is_one = field.limit ? value < *field.limit : value > 0;
+      return is_one != field.is_inverse ? 1 : 0;
+    }
     case Source::quantity:
       break;
   }
@@ -77,7 +83,7 @@ std::uint64_t FrameLayout::number_of(const Field& field, const Reading& reading,
       si = 1e-9 * static_cast<double>(reading.sample.stamp().ns);
       break;
     case MeasuredQuantity::Kind::number:
-      si = given != nullptr ? given->number(*field.quantity) : field.quantity->get(reading);
+      si = imud::number_of(*field.quantity, field.otherwise, reading, given);
       break;
   }
   double x = si / field.lsb + field.fraction;
@@ -215,6 +221,7 @@ std::optional<FrameLayout::Decoded> FrameLayout::decode(std::span<const std::byt
       measurement.fields |= Measurement::status;
       continue;
     }
+    if (field.source == Source::flag) continue;
     switch (field.quantity->kind) {
       case MeasuredQuantity::Kind::counter:
         if (i == counter_) decoded.counter = {bits, field.period};
@@ -255,7 +262,8 @@ FieldValue real_field(double value, bool is_negated, double modulus, int digits)
 }
 
 FieldValue FrameLayout::field_value(const Field& field, std::uint64_t bits) noexcept {
-  if (field.source == Source::status) return integer_field((bits != 0) != field.is_inverse);
+  if (field.source == Source::status || field.source == Source::flag)
+    return integer_field((bits != 0) != field.is_inverse);
   if (field.source != Source::quantity || field.quantity->kind == MeasuredQuantity::Kind::counter ||
       field.quantity->kind == MeasuredQuantity::Kind::status)
     return integer_field(bits);

@@ -59,8 +59,10 @@ class FrameLayout final : public MessageLayout {
     unsigned low = 0, width = 8;  // bits of the number that the field has
     Source source = Source::constant;
     std::uint32_t status_bits = 0;  // of a bit of the status
-    bool is_inverse = false;
+    bool is_inverse = false;        // of a bit of the status, or a flag
+    std::optional<double> limit;    // of a flag; in the unit
     const MeasuredQuantity* quantity = nullptr;
+    std::optional<double> otherwise;  // FrameSource::otherwise
     // SI = (number - whole - fraction) * lsb; `whole` is apart so that no digits are lost.
     double lsb = 1, whole = 0, fraction = 0;
     double lowest = 0, highest = 0;  // of the number

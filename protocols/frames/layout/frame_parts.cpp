@@ -36,11 +36,8 @@ double take_fraction(std::string_view& text, std::string_view what) {
   return value;
 }
 
-}  // namespace
-
-std::string in_quotes(std::string_view text) { return "\"" + std::string(text) + "\""; }
-
-FrameSource source_in(std::string_view text) {
+// Reads QUANTITY_UNIT[%MODULUS].
+FrameSource remainder_in(std::string_view text) {
   const std::size_t percent = text.find('%');
   const std::string_view name = text.substr(0, percent);
   auto source = find_frame_source(name);
@@ -52,6 +49,24 @@ FrameSource source_in(std::string_view text) {
   if (source->kind == FrameSource::Kind::status) refuse_element("a bit of the status has no modulus");
   source->modulus = *modulus;
   return *source;
+}
+
+}  // namespace
+
+std::string in_quotes(std::string_view text) { return "\"" + std::string(text) + "\""; }
+
+FrameSource source_in(std::string_view text) {
+  const std::size_t bar = text.find('|');
+  if (bar == text.npos) return remainder_in(text);
+  FrameSource source = remainder_in(text.substr(0, bar));
+  const auto otherwise = number_in<double>(text.substr(bar + 1));
+  if (!otherwise || !std::isfinite(*otherwise))
+    refuse_element("after | comes the number that is sent without a solution of the unit's own, as in gnss_fix|1");
+  if (source.kind != FrameSource::Kind::quantity || source.in.quantity->kind != MeasuredQuantity::Kind::number ||
+      source.modulus != 0)
+    refuse_element("only a quantity that is a number, without a modulus, has another one after |");
+  source.otherwise = source.in.factor * *otherwise + source.in.offset;
+  return source;
 }
 
 bool is_counting(const FrameSource& source) {

@@ -175,7 +175,7 @@ void FrameLayout::find_read_back() noexcept {
     const Field& field = fields_[i];
     if (field.source == Source::alive_counter) longest(alive_counter_, i);
     if (field.source == Source::frame_counter) longest(frame_counter_, i);
-    if (field.quantity == nullptr) continue;
+    if (field.quantity == nullptr || field.source == Source::flag) continue;
     if (field.quantity->kind == MeasuredQuantity::Kind::counter) longest(counter_, i);
     if (field.time_lsb_ns != 0) longest(clock_, i);
     has_time_ |= field.quantity->kind == MeasuredQuantity::Kind::time;

@@ -22,7 +22,8 @@ std::string place_text(std::size_t at, const MessageLayout::Row& row) {
 void FrameLayout::Compiler::give(const FrameDescription::Value& value, FrameTestValues& given) const {
   const FrameSource source = test_source(value.name);
   const bool is_carried = std::ranges::any_of(out_.fields_, [&source](const Field& field) {
-    return field.source == source.kind && field.quantity == source.in.quantity &&
+    const bool is_flag = field.source == Source::flag && source.kind == Source::quantity;
+    return (is_flag || field.source == source.kind) && field.quantity == source.in.quantity &&
            (source.kind != Source::status || field.status_bits == source.bits ||
             (field.status_bits & source.bits) != 0);
   });

@@ -54,4 +54,12 @@ FrameSource test_source(const std::string& name);
 // Throws std::invalid_argument: none of the fields of the message, which have these texts, has the test value.
 [[noreturn]] void refuse_test_value(std::span<const std::string_view> fields);
 
+// Returns the number that a message has for a source that is a quantity, SI. `given`, if not nullptr, has the values
+// in place of the Reading's.
+inline double number_of(const MeasuredQuantity& quantity, const std::optional<double>& otherwise,
+                        const Reading& reading, const FrameTestValues* given) noexcept {
+  if (given != nullptr) return otherwise && !given->has(quantity) ? *otherwise : given->number(quantity);
+  return otherwise && !reading.sample.solution ? *otherwise : quantity.get(reading);
+}
+
 }  // namespace imud

@@ -50,8 +50,7 @@ double number_of(const TextPiece& piece, const Reading& reading, const MessageLa
   const MeasuredIn& in = source.in;
   const double si = in.quantity->kind == MeasuredQuantity::Kind::time
                         ? 1e-9 * static_cast<double>(reading.sample.stamp().ns)
-                    : given != nullptr ? given->number(*in.quantity)
-                                       : in.quantity->get(reading);
+                        : imud::number_of(*in.quantity, source.otherwise, reading, given);
   if (piece.format.value() == TextFormat::Value::seconds) return si;
   if (piece.format.value() == TextFormat::Value::degrees) return si / units::degree;
   double value = (si - in.offset) / in.factor;

@@ -61,6 +61,26 @@ TEST(FrameLayout, BitsCountersAndTheStatus) {
   EXPECT_EQ(encoded("A5\nbits:u8:0-3=0xF,4-7=alive_counter"), hex_bytes("A5 0F"));
 }
 
+// A quantity is a bit by its sign, or by a limit in its unit.
+TEST(FrameLayout, QuantitiesAreBits) {
+  const auto bits = [](std::string_view text, double temperature_c) {
+    Line line = frame_line(one_message("A5\nbits:u8:" + std::string(text)));
+    Sample sample;
+    sample.rate.x() = -2 * units::degree;
+    sample.temperature_c = temperature_c;
+    return bytes_of(line, sample)[1];
+  };
+  EXPECT_EQ(bits("0=rate_x_deg_per_s,1=-rate_x_deg_per_s,2=!rate_x_deg_per_s,3=rate_y_deg_per_s", 0),
+            std::byte{0x06});
+  EXPECT_EQ(
+      bits("0=rate_x_deg_per_s<-1.9,1=rate_x_deg_per_s<-2.1,2=!rate_x_deg_per_s<-2.1,3=-rate_x_deg_per_s<2.1", 0),
+      std::byte{0x0D});
+  EXPECT_EQ(bits("0=temperature_c,1=temperature_c<20", 19), std::byte{0x03});
+  EXPECT_EQ(bits("0=temperature_c,1=temperature_c<20", 21), std::byte{0x01});
+  EXPECT_EQ(bits("0=temperature_c,1=temperature_c<20", -1), std::byte{0x02});
+  EXPECT_EQ(bits("0=temperature_c,1=!temperature_c<20", std::numeric_limits<double>::quiet_NaN()), std::byte{0x02});
+}
+
 TEST(FrameLayout, TimesWrapByTypeOrModulus) {
   EXPECT_EQ(encoded("A5\ntime_ms:u16"), hex_bytes("A5 E9 03"));  // 1000.6
   EXPECT_EQ(encoded("A5\ntime_us:u16"), hex_bytes("A5 98 44"));
