@@ -1,11 +1,13 @@
 #include "protocols/measurements/measured_quantities.hpp"
 
+#include <algorithm>
 #include <chrono>
 
 #include "core/attitude.hpp"
 #include "core/earth/earth.hpp"
 #include "core/gps_time.hpp"
 #include "core/numbers/elementary.hpp"
+#include "protocols/measurements/calendar.hpp"
 
 namespace imud {
 namespace {
@@ -128,16 +130,51 @@ double gps_week(const Reading& r) noexcept { return static_cast<double>(r.sample
 double fix(const Reading& r) noexcept { return r.sample.fix().is_known ? 1 : 0; }
 double satellites(const Reading& r) noexcept { return r.sample.fix().is_known ? r.sample.fix().satellites : 0; }
 
-template <Eigen::Vector3f Solution::*Member, int Axis>
-double deviation(const Reading& reading) noexcept {
-  const std::optional<Solution>& solution = reading.sample.solution;
-  return solution ? static_cast<double>(((*solution).*Member)[Axis]) : 0;
+// --- The unit's own solution, and its receiver's fix ---
+template <Solution::State State>
+double is_in(const Reading& r) noexcept {
+  return r.sample.solution && r.sample.solution->state == State ? 1 : 0;
 }
 double navigation_state(const Reading& r) noexcept {
   return r.sample.solution ? 1 + static_cast<double>(r.sample.solution->state) : 0;
 }
 double fix_age(const Reading& r) noexcept {
   return r.sample.solution ? static_cast<double>(r.sample.solution->since_fix_s) : 0;
+}
+double position_quality(const Reading& r) noexcept {
+  return r.sample.navigation.is_known ? 2 - is_in<Solution::State::coasting>(r) : 0;
+}
+template <std::uint16_t Aids>
+double uses(const Reading& r) noexcept {
+  return r.sample.solution && (r.sample.solution->used & Aids) != 0 ? 1 : 0;
+}
+
+template <int Axis>
+double attitude_deviation(const Reading& r) noexcept {
+  return r.sample.solution ? static_cast<double>(r.sample.solution->attitude[Axis]) : 0;
+}
+// While there is no place, its deviation is as if the unit were anywhere on the Earth, at any orbital speed.
+template <Eigen::Vector3f Solution::*Member, int Axis>
+double deviation(const Reading& r) noexcept {
+  if (!r.sample.solution) return 0;
+  constexpr double half_round_m = 2e7, orbital_m_per_s = 8e3;
+  if (!r.sample.navigation.is_known) return Member == &Solution::position ? half_round_m : orbital_m_per_s;
+  return static_cast<double>(((*r.sample.solution).*Member)[Axis]);
+}
+
+template <double Navigation::*Member>
+double fixed_place(const Reading& r) noexcept {
+  return r.sample.fix().*Member;
+}
+template <int Axis>
+double fixed_velocity(const Reading& r) noexcept {
+  return r.sample.fix().v_L[Axis];
+}
+double fixed_climb(const Reading& r) noexcept { return -r.sample.fix().v_L.z(); }
+double fixed_speed(const Reading& r) noexcept { return r.sample.fix().v_L.head<2>().norm(); }
+double fixed_track(const Reading& r) noexcept {
+  const Vector3& v = r.sample.fix().v_L;
+  return elementary::atan2(v.y(), v.x());
 }
 
 double temperature(const Reading& r) noexcept { return r.sample.temperature_c; }
@@ -150,6 +187,10 @@ double pressure(const Reading& r) noexcept { return r.sample.pressure; }
 constexpr MeasuredQuantity at_place(std::string_view name, std::string_view help, std::span<const KeyUnit> units,
                                     double (*get)(const Reading&) noexcept) {
   return {.name = name, .help = help, .units = units, .get = get, .needs_place = true};
+}
+constexpr MeasuredQuantity anywhere(std::string_view name, std::string_view help, std::span<const KeyUnit> units,
+                                    double (*get)(const Reading&) noexcept) {
+  return {.name = name, .help = help, .units = units, .get = get};
 }
 
 using enum MeasuredQuantity::Kind;
@@ -250,22 +291,56 @@ constexpr MeasuredQuantity quantities[] = {
      "0 truth; of the unit's own solution: 1 aligning, 2 coasting, 3 aided, 4 an attitude without a place",
      {},
      navigation_state},
-    at_place("fix_age", "of its own solution: since the last fix that it used", key_units::time, fix_age),
-    at_place("attitude_sigma_north", "standard deviations of its own solution: tilt about north", key_units::angle,
-             deviation<&Solution::attitude, 0>),
-    at_place("attitude_sigma_east", "", key_units::angle, deviation<&Solution::attitude, 1>),
-    at_place("attitude_sigma_down", "", key_units::angle, deviation<&Solution::attitude, 2>),
-    at_place("velocity_sigma_north", "", key_units::speed, deviation<&Solution::velocity, 0>),
-    at_place("velocity_sigma_east", "", key_units::speed, deviation<&Solution::velocity, 1>),
-    at_place("velocity_sigma_down", "", key_units::speed, deviation<&Solution::velocity, 2>),
-    at_place("position_sigma_north", "", key_units::length, deviation<&Solution::position, 0>),
-    at_place("position_sigma_east", "", key_units::length, deviation<&Solution::position, 1>),
-    at_place("position_sigma_down", "", key_units::length, deviation<&Solution::position, 2>),
+    anywhere("fix_age", "of its own solution: since the last fix that it used", key_units::time, fix_age),
+    {"solution_is_aligning",
+     "1 while its own solution is in that state, else 0; the three below likewise",
+     {},
+     is_in<Solution::State::aligning>},
+    {"solution_is_coasting", "", {}, is_in<Solution::State::coasting>},
+    {"solution_is_aided", "", {}, is_in<Solution::State::aided>},
+    {"solution_is_levelled", "an attitude without a place", {}, is_in<Solution::State::levelled>},
+    {"aid_gnss_used",
+     "1 where its own solution has used the aid when it was due last, else 0",
+     {},
+     uses<aid::position | aid::velocity>},
+    {"aid_magnetic_used", "", {}, uses<aid::magnetic_heading>},
+    {"aid_antennas_used", "", {}, uses<aid::antennas_heading>},
+    {"aid_pressure_used", "", {}, uses<aid::pressure>},
+    {"position_quality", "0 where the place is not known, 1 by dead reckoning, 2 otherwise", {}, position_quality},
+    anywhere("attitude_sigma_north", "standard deviations of its own solution: tilt about north", key_units::angle,
+             attitude_deviation<0>),
+    anywhere("attitude_sigma_east", "", key_units::angle, attitude_deviation<1>),
+    anywhere("attitude_sigma_down", "", key_units::angle, attitude_deviation<2>),
+    anywhere("velocity_sigma_north", "", key_units::speed, deviation<&Solution::velocity, 0>),
+    anywhere("velocity_sigma_east", "", key_units::speed, deviation<&Solution::velocity, 1>),
+    anywhere("velocity_sigma_down", "", key_units::speed, deviation<&Solution::velocity, 2>),
+    anywhere("position_sigma_north", "", key_units::length, deviation<&Solution::position, 0>),
+    anywhere("position_sigma_east", "", key_units::length, deviation<&Solution::position, 1>),
+    anywhere("position_sigma_down", "", key_units::length, deviation<&Solution::position, 2>),
+    anywhere("gnss_latitude", "fix of the receiver, without the unit's own solution", key_units::angle,
+             fixed_place<&Navigation::latitude>),
+    anywhere("gnss_longitude", "", key_units::angle, fixed_place<&Navigation::longitude>),
+    anywhere("gnss_height", "", key_units::length, fixed_place<&Navigation::height>),
+    anywhere("gnss_velocity_north", "", key_units::speed, fixed_velocity<0>),
+    anywhere("gnss_velocity_east", "", key_units::speed, fixed_velocity<1>),
+    anywhere("gnss_velocity_down", "", key_units::speed, fixed_velocity<2>),
+    anywhere("gnss_velocity_up", "", key_units::speed, fixed_climb),
+    anywhere("gnss_ground_speed", "", key_units::speed, fixed_speed),
+    anywhere("gnss_track", "", key_units::angle, fixed_track),
     {"sample_counter", "wraps", {}, nullptr, nullptr, counter},
     {"status", "bits of core/sample.hpp", {}, nullptr, nullptr, status},
 };
 
 }  // namespace
+
+bool is_calendar(const MeasuredQuantity& quantity) noexcept {
+  constexpr auto index_of = [](std::string_view name) {
+    return std::ranges::find(quantities, name, &MeasuredQuantity::name) - std::begin(quantities);
+  };
+  constexpr std::ptrdiff_t first = index_of("utc_year"), last = index_of("gps_time");
+  const std::ptrdiff_t index = &quantity - quantities;
+  return index >= first && index <= last;
+}
 
 std::span<const MeasuredQuantity> measured_quantities() noexcept { return quantities; }
 

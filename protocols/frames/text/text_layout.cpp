@@ -7,6 +7,7 @@
 #include <limits>
 
 #include "core/units.hpp"
+#include "protocols/measurements/calendar.hpp"
 
 namespace imud {
 namespace {
@@ -66,8 +67,9 @@ bool is_left_out(const TextPiece& piece, const Reading& reading, const FrameTest
   const MeasuredQuantity* quantity = piece.source.in.quantity;
   if (given != nullptr)
     return quantity != nullptr && quantity->kind == MeasuredQuantity::Kind::number && !given->has(*quantity);
-  const bool needs_place = quantity != nullptr && quantity->needs_place;
-  return (reading.sample.status & status::not_valid) != 0 || (needs_place && !reading.sample.navigation.is_known);
+  if ((reading.sample.status & status::not_valid) != 0) return true;
+  if (quantity == nullptr || !quantity->needs_place) return false;
+  return !(is_calendar(*quantity) ? reading.sample.timed() : reading.sample.navigation).is_known;
 }
 
 }  // namespace
