@@ -6,13 +6,15 @@
 #include <stdexcept>
 
 #include "protocols/frames/layout/frame_element.hpp"
+#include "protocols/frames/layout/frame_parts.hpp"
 #include "protocols/wire/number_text.hpp"
 
 namespace imud {
 namespace {
 
 constexpr std::size_t longest_choice = 16;  // characters of a text
-constexpr int most_digits = 16;             // hexadecimal
+constexpr std::size_t most_choices = 8;
+constexpr int most_digits = 16;  // hexadecimal
 constexpr std::string_view decimal_digits = "0123456789";
 
 // Removes the characters of `set` at the beginning of the text, and returns them.
@@ -43,7 +45,7 @@ char* write_digits(std::int64_t number, int digits, char* out) noexcept {
 [[noreturn]] void refuse_format(const std::string& text) {
   refuse_element("\"" + text +
                  "\" is no format; give one like 6.2f, +07.3f, .4e, d, 03d or 04X, a pattern such as hhmmss.ss or "
-                 "ddmm.mmmm, or two texts such as N/S");
+                 "ddmm.mmmm, or texts such as N/S");
 }
 
 }  // namespace
@@ -55,19 +57,26 @@ TextFormat TextFormat::take(std::string_view& text) {
   return format;
 }
 
-// Reads TEXT/TEXT, which has no LSB.
+// Reads TEXT/TEXT or TEXT/TEXT/TEXT/..., which have no LSB.
 bool TextFormat::take_choice(std::string_view& text) {
   const std::size_t slash = text.find('/');
   if (slash == text.npos || text.find('*') < slash) return false;
   const std::size_t end = std::min(text.find('?'), text.size());
   if (end < slash) return false;
   kind_ = Kind::choice;
-  above_ = text.substr(0, slash);
-  otherwise_ = text.substr(slash + 1, end - slash - 1);
-  if (above_.empty() || otherwise_.empty() || above_.size() > longest_choice || otherwise_.size() > longest_choice ||
-      above_ == otherwise_ || above_.starts_with(otherwise_) || otherwise_.starts_with(above_))
-    refuse_element("a choice is two texts of 1 to 16 characters that begin differently, such as N/S");
-  if (otherwise_.find('*') != std::string::npos) refuse_element("a choice of texts has no LSB");
+  each_part(text.substr(0, end), '/', [this](std::string_view one) { texts_.emplace_back(one); });
+  if (texts_.size() == 2) std::swap(texts_[0], texts_[1]);  // N/S: the first one is for values above 0
+  const auto is_bad = [this](const std::string& one) {
+    return one.empty() || one.size() > longest_choice || std::ranges::any_of(texts_, [&](const std::string& other) {
+             return &other != &one && other.starts_with(one) && (other != one || texts_.size() == 2);
+           });
+  };
+  if (texts_.size() > most_choices || std::ranges::any_of(texts_, is_bad))
+    refuse_element(
+        "a choice is two texts of 1 to 16 characters that begin differently, such as N/S, or up to 8 texts "
+        "for the values 0, 1, 2 ...");
+  if (std::ranges::any_of(texts_, [](const std::string& one) { return one.find('*') != std::string::npos; }))
+    refuse_element("a choice of texts has no LSB");
   text.remove_prefix(end);
   return true;
 }
@@ -144,7 +153,9 @@ std::size_t TextFormat::fixed_size() const noexcept {
     case Kind::degrees:
       return longest();
     case Kind::choice:
-      return above_.size() == otherwise_.size() ? above_.size() : 0;
+      return std::ranges::all_of(texts_, [this](const std::string& one) { return one.size() == texts_[0].size(); })
+                 ? texts_[0].size()
+                 : 0;
     default:
       return has_zeros_ ? static_cast<std::size_t>(width_) : 0;
   }
@@ -157,11 +168,16 @@ double TextFormat::step() const noexcept {
 
 std::optional<std::size_t> TextFormat::chosen(std::string_view text) const noexcept {
   if (kind_ != Kind::choice) return std::nullopt;
-  for (const std::string_view one : {std::string_view(above_), std::string_view(otherwise_)}) {
+  for (const std::string_view one : texts_) {
     const std::size_t size = std::min(one.size(), text.size());
     if (text.substr(0, size) == one.substr(0, size)) return size;
   }
   return std::nullopt;
+}
+
+std::uint64_t TextFormat::choice_value(std::string_view text) const noexcept {
+  const auto found = std::ranges::find(texts_, text);
+  return found == texts_.end() ? 0 : static_cast<std::uint64_t>(found - texts_.begin());
 }
 
 std::size_t TextFormat::longest() const noexcept {
@@ -181,7 +197,7 @@ std::size_t TextFormat::longest() const noexcept {
       case Kind::degrees:
         return width_ + 2 + decimals;
       case Kind::choice:
-        return static_cast<int>(std::max(above_.size(), otherwise_.size()));
+        return static_cast<int>(std::ranges::max_element(texts_, {}, &std::string::size)->size());
     }
     return 0;
   };
@@ -207,7 +223,7 @@ bool TextFormat::may_have(char c) const noexcept {
     case Kind::degrees:
       return is_digit || c == '.' || (has_colons_ && c == ':');
     case Kind::choice:
-      return above_.find(c) != std::string::npos || otherwise_.find(c) != std::string::npos;
+      return std::ranges::any_of(texts_, [c](const std::string& one) { return one.find(c) != std::string::npos; });
   }
   return false;
 }
@@ -268,7 +284,11 @@ std::size_t TextFormat::write_sexagesimal(double number, char* out, bool& is_sat
 
 std::size_t TextFormat::write(double number, char* out, bool& is_saturated) const noexcept {
   if (kind_ == Kind::choice) {
-    const std::string& text = number > 0 ? above_ : otherwise_;
+    const double last = static_cast<double>(texts_.size() - 1);
+    const double value = texts_.size() == 2 ? (number > 0 ? 1 : 0)
+                         : number > 0       ? std::min(std::round(number), last)
+                                            : 0;
+    const std::string& text = texts_[static_cast<std::size_t>(value)];
     return static_cast<std::size_t>(std::ranges::copy(text, out).out - out);
   }
   const double most = kind_ == Kind::hexadecimal ? std::min(std::ldexp(1.0, 4 * width_ - 1) - 1, largest) : largest;
@@ -334,7 +354,7 @@ bool TextFormat::matches(std::string_view text) const noexcept {
   if (text.size() > longest()) return false;
   switch (kind_) {
     case Kind::choice:
-      return text == above_ || text == otherwise_;
+      return std::ranges::find(texts_, text) != texts_.end();
     case Kind::hexadecimal:
       return text.size() == longest();
     case Kind::clock:

@@ -8,6 +8,7 @@
 // | hhmmss, hhmmss.ss     | a time of day, also hh:mm:ss                                                        |
 // | ddmm.mmmm, dddmm.mm   | the magnitude of an angle, in degrees and minutes                                   |
 // | N/S, A/V, 1/0         | one text where the value is above 0, the other where it is not                      |
+// | N/E/A                 | three texts or more, for the values 0, 1, 2 ...                                     |
 // | ?                     | after any of them: nothing while the sample is not valid, or the place is not known |
 #pragma once
 
@@ -16,6 +17,7 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <vector>
 
 namespace imud {
 
@@ -42,8 +44,10 @@ class TextFormat {
   bool is_number() const noexcept {
     return kind_ == Kind::fixed || kind_ == Kind::scientific || kind_ == Kind::integer;
   }
-  // Returns true if the text of a choice is the one of values above 0.
-  bool is_above(std::string_view text) const noexcept { return kind_ == Kind::choice && text == above_; }
+  // Returns true if the text of a choice of two is the one of values above 0.
+  bool is_above(std::string_view text) const noexcept { return choice_value(text) == 1 && texts_.size() == 2; }
+  // Returns the value for which a choice has the text; of several equal texts the lowest. 0 if this is no choice.
+  std::uint64_t choice_value(std::string_view text) const noexcept;
   // Returns true if the format holds an integer, whose modulus is a power of 16 if it has none of its own.
   bool is_integer() const noexcept { return kind_ == Kind::integer || kind_ == Kind::hexadecimal; }
   std::uint64_t period() const noexcept;  // 16^digits of hexadecimal digits; 0: 2^64
@@ -66,7 +70,7 @@ class TextFormat {
   // Returns true if the text has the format.
   bool matches(std::string_view text) const noexcept;
   // Returns the size of the text of a choice with which `text` begins; nullopt if this is no choice, or it begins
-  // with neither of them. A text that ends too early is its own size.
+  // with none of them. A text that ends too early is its own size.
   std::optional<std::size_t> chosen(std::string_view text) const noexcept;
 
  private:
@@ -82,7 +86,7 @@ class TextFormat {
   bool may_be_empty_ = false;
   int width_ = 0;  // of hexadecimal: digits; of degrees: of the degrees
   int decimals_ = 6;
-  std::string above_{}, otherwise_{};  // of a choice
+  std::vector<std::string> texts_;  // of a choice, by value; of two texts the second is for values above 0
 };
 
 }  // namespace imud

@@ -279,7 +279,7 @@ FieldValue TextLayout::field_value(const TextPiece& piece, std::string_view text
     const bool is_one = is_choice ? format.is_above(text) : format.read(text).value_or(0) != 0;
     return integer_field(is_one != source.is_inverse);
   }
-  if (is_choice) return integer_field(format.is_above(text));
+  if (is_choice) return integer_field(format.choice_value(text));
   const bool is_plain = piece.lsb == 1 && piece.offset == 0;
   const bool is_counter =
       source.kind != Source::quantity || source.in.quantity->kind != MeasuredQuantity::Kind::number;

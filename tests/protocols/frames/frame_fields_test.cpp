@@ -92,10 +92,14 @@ void expect_field(const DescribedField& field, const FieldValue& value, const Re
   if (quantity->kind == MeasuredQuantity::Kind::status) return counted(reading.sample.status);
   const double si = quantity->kind == MeasuredQuantity::Kind::time
                         ? 1e-9 * static_cast<double>(reading.sample.stamp().ns)
-                    : given != nullptr ? given->number(*quantity)
-                                       : quantity->get(reading);
-  if (field.is_choice) {
-    EXPECT_EQ(got, si > 0 ? 1 : 0);
+                        : number_of(*quantity, source.otherwise, reading, given);
+  if (field.is_choice) {  // of two texts, or of several, of which some are alike
+    EXPECT_TRUE(got == (si > 0 ? 1 : 0) || got == std::round(si)) << got << " for " << si;
+    return;
+  }
+  if (source.kind == FrameSource::Kind::flag) {
+    const double value = (si - source.in.offset) / source.in.factor;
+    EXPECT_EQ(got, (source.limit ? value < *source.limit : value > 0) ? 1 : 0) << value;
     return;
   }
   const double wanted = (si - source.in.offset) / std::abs(source.in.factor);
@@ -282,6 +286,21 @@ TEST(FrameFields, OfTextMayBeLeftOut) {
     EXPECT_EQ(some.at(name).kind, FieldValue::Kind::left_out) << name;
   EXPECT_EQ(number_of(some.at("not_valid")), 1);
   EXPECT_EQ(number_of(some.at("gnss_fix")), 1);
+}
+
+TEST(FrameFields, BitsAndTextsOfQuantitiesHaveValues) {
+  const std::string layout = one_message("A5\nbits:u8:0=gnss_fix,1=!gnss_fix,2=height_m<5");
+  const auto fields = row_of(layout, hex_bytes("A5 06")).fields;
+  ASSERT_EQ(fields.size(), 3U);
+  EXPECT_EQ(number_of(fields.at("gnss_fix")), 0);
+  EXPECT_EQ(number_of(fields.at("gnss_fix_2")), 0);
+  EXPECT_EQ(number_of(fields.at("height_m<5")), 1);
+  const std::string text =
+      "frame_version = 1\nname = \"test\"\n[[message]]\nname = \"m\"\ntext = \"$X,{gnss_fix:N/E/A},\\n\"\n";
+  EXPECT_EQ(number_of(row_of(text, {std::byte{'$'}, std::byte{'X'}, std::byte{','}, std::byte{'A'}, std::byte{','},
+                                    std::byte{'\n'}})
+                          .fields.at("gnss_fix")),
+            2);
 }
 
 TEST(FrameFields, NamesThatOccurTwiceGetANumber) {

@@ -76,6 +76,20 @@ TEST(TextMessage, NumbersHaveTheirUnitLsbAndOffset) {
   EXPECT_EQ(written("{rate_y_deg_per_s:.1f}{{}}\\n"), "-20.0{}\n");
 }
 
+TEST(TextMessage, SeveralTextsAreForTheValuesFrom0) {
+  const auto text_of = [](double temperature_c) {
+    Sample sample = text_sample();
+    sample.temperature_c = temperature_c;
+    return written("{temperature_c:no/a few/many/many},\\n", sample);
+  };
+  EXPECT_EQ(text_of(-1), "no,\n");
+  EXPECT_EQ(text_of(0.4), "no,\n");
+  EXPECT_EQ(text_of(0.6), "a few,\n");
+  EXPECT_EQ(text_of(2), "many,\n");
+  EXPECT_EQ(text_of(99), "many,\n");
+  EXPECT_EQ(text_of(std::numeric_limits<double>::quiet_NaN()), "no,\n");
+}
+
 TEST(TextMessage, CountersClocksAndTheStatus) {
   EXPECT_EQ(written("{sample_counter:d},{sample_counter:04X},{sample_counter%100:02d}\\n"), "74565,2345,65\n");
   EXPECT_EQ(written("{time_ms:d},{time_s:.6f},{time_us%1000000:06d}\\n"), "1235,1.234568,234568\n");
@@ -267,7 +281,11 @@ TEST(TextMessage, RefusesWhatCannotBe) {
       {"A{!rate_x_deg_per_s:f}\\n", "only a bit of the status has an inverse"},
       {"A{not_valid:A/}\\n", "a choice is two texts"},
       {"A{not_valid:A/AB}\\n", "a choice is two texts"},
+      {"A{gnss_fix:A/B/AB}\\n", "or up to 8 texts for the values 0, 1, 2"},
+      {"A{gnss_fix:A/B/}\\n", "or up to 8 texts"},
+      {"A{gnss_fix:1/2/3/4/5/6/7/8/9}\\n", "or up to 8 texts"},
       {"A{gnss_fix:1/0*2}\\n", "a choice of texts has no LSB"},
+      {"A{gnss_fix:1/2/0*2}\\n", "a choice of texts has no LSB"},
       {"A{gnss_fix:1/0?*2}\\n", "a choice of texts has no LSB"},
       {"A{rate_x_deg_per_s:f}",
        "a decoder cannot find the end of {rate_x_deg_per_s:f}: let a character follow, such"},
