@@ -19,13 +19,18 @@ namespace {
 constexpr double rate_lsb = 0x1p-9, force_lsb = 0x1p-8, temperature_lsb = 0x1p-8;
 
 // --- Numbers that only this product has ---
-// StatusWord: bit 0 self-test, 1 attitude valid, 2 position known, 8 to 10 accelerometer clipped, 11 to 13 gyro
-// clipped, 19 any clipped.
+// StatusWord: bit 0 self-test, 1 attitude valid, 2 the receiver has a fix, 8 to 10 accelerometer clipped, 11 to 13
+// gyro clipped, 19 any clipped; 23 to 25 the mode of a filter of the unit's own: 1 without fixes, 3 with them
+// (Xsens's XsStatusWord message).
 double status_word(const Reading& reading) noexcept {
   const std::uint32_t status = reading.sample.status;
   const std::uint32_t clipped = (status >> 3 & 7U) << 8 | (status & 7U) << 11;
-  return ((status & status::self_test_failed) == 0 ? 3U : 2U) | (reading.sample.navigation.is_known ? 4U : 0U) |
-         clipped | (clipped != 0 ? 1U << 19 : 0U);
+  const auto is_in = [&](Solution::State state) {
+    return reading.sample.solution && reading.sample.solution->state == state;
+  };
+  const unsigned mode = is_in(Solution::State::coasting) ? 1 : is_in(Solution::State::aided) ? 3 : 0;
+  return ((status & status::self_test_failed) == 0 ? 1U : 0U) | (is_in(Solution::State::aligning) ? 0U : 2U) |
+         (reading.sample.fix().is_known ? 4U : 0U) | clipped | (clipped != 0 ? 1U << 19 : 0U) | mode << 23;
 }
 void put_status_word(double value, ReadBack& read) noexcept {
   const auto word = static_cast<std::uint32_t>(value);

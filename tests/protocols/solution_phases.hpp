@@ -1,0 +1,47 @@
+// Samples of a unit whose own navigation filter aligns, is aided by fixes, and coasts without them.
+#pragma once
+
+#include "core/sample.hpp"
+#include "core/units.hpp"
+
+namespace imud {
+
+// The deviations of a solution: of tilt and heading, deg; of velocity, m/s; of position, m.
+struct PhaseSigmas {
+  double tilt_deg = 0.2, heading_deg = 0.8, velocity = 0.1, position = 1;
+};
+
+// All take a sample with a place, which is the true one.
+inline Sample aligning(const Sample& known, bool has_fix = true) {
+  Sample sample = known;
+  Solution& solution = sample.solution.emplace();
+  solution.attitude.setConstant(static_cast<float>(units::pi));
+  solution.receiver = has_fix ? known.navigation : Navigation{};
+  sample.navigation = {};
+  return sample;
+}
+
+inline Sample navigating(const Sample& known, Solution::State state, const PhaseSigmas& sigmas) {
+  Sample sample = known;
+  const auto of_axes = [](double horizontal, double down) {
+    return Eigen::Vector3f(static_cast<float>(horizontal), static_cast<float>(horizontal), static_cast<float>(down));
+  };
+  Solution& solution = sample.solution.emplace();
+  solution.state = state;
+  solution.attitude = of_axes(sigmas.tilt_deg * units::degree, sigmas.heading_deg * units::degree);
+  solution.velocity = of_axes(sigmas.velocity, sigmas.velocity);
+  solution.position = of_axes(sigmas.position, sigmas.position);
+  return sample;
+}
+inline Sample aided(const Sample& known, const PhaseSigmas& sigmas = {}) {
+  Sample sample = navigating(known, Solution::State::aided, sigmas);
+  sample.solution->receiver = known.navigation;
+  return sample;
+}
+inline Sample coasting(const Sample& known, double since_fix_s, const PhaseSigmas& sigmas = {}) {
+  Sample sample = navigating(known, Solution::State::coasting, sigmas);
+  sample.solution->since_fix_s = static_cast<float>(since_fix_s);
+  return sample;
+}
+
+}  // namespace imud
