@@ -12,6 +12,7 @@
 
 #include "core/units.hpp"
 #include "protocols/protocol.hpp"
+#include "protocols/vectornav/ins_mode.hpp"
 #include "protocols/vectornav/vectornav.hpp"
 #include "protocols/wire/command_reader.hpp"
 
@@ -146,6 +147,7 @@ class VectorNavDevice final : public Device {
     sample_.time = now;
     raw_ = {};
     sums_ = {};
+    place_.restart();
   }
 
   void compensate(const Sample& sample) noexcept {
@@ -157,11 +159,19 @@ class VectorNavDevice final : public Device {
     sample_.magnetic_field = gauss * magnetometer(raw_.magnetic_field / gauss);
     sample_.specific_force = accelerometer(raw_.specific_force);
     sample_.rate = gyro(raw_.rate);
+    if (sample.solution) subtract_biases(*sample.solution);
     sample_.delta_velocity = accelerometer.gain * (dcm_ * sample.delta_velocity - dt * accelerometer.bias);
     sample_.delta_angle = gyro.gain * (dcm_ * sample.delta_angle - dt * gyro.bias);
     sample_.q_LP = sample.q_LP * q_;
+    place_.hold(sample_);
     const std::size_t used = is_second_connected_ ? sums_.size() : sums_.size() - 1;
     for (std::size_t i = 0; i < used; ++i) sums_[i].add(sample_, dt);
+  }
+
+  // The increments are not compensated as delivered (register 82).
+  void subtract_biases(const Solution& solution) noexcept {
+    sample_.specific_force -= dcm_ * Vector3(solution.accelerometer_bias.cast<double>());
+    sample_.rate -= dcm_ * Vector3(solution.gyro_bias.cast<double>());
   }
 
   Sums& text_sums(unsigned uart) noexcept { return sums_[of_text + frame_uart(uart)]; }
@@ -362,7 +372,8 @@ class VectorNavDevice final : public Device {
   Quaternion tare_ = Quaternion::Identity();
   OwnFigures figures_;
   Sensed raw_;
-  Sample sample_;                           // the newest, compensated
+  Sample sample_;  // the newest, compensated
+  InsPlace place_;
   std::array<Sums, of_text + uarts> sums_;  // since the binary outputs, text and register 80 were last sent
   std::array<Reader, uarts> readers_;
 };

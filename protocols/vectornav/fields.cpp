@@ -135,7 +135,7 @@ constexpr BinaryField fields[] = {
     {gnss1, 12, 2, gnss_time_info},
     {gnss1, 13, 28, dilutions},
 
-    {attitude, 0, 2},  // status of VPE
+    {attitude, 0, 2, integer<&Q::vpe_status>},
     {attitude, 1, 12, floats<&Q::tared_ypr_deg>},
     {attitude, 2, 16, quaternion},
     {attitude, 3, 36, matrix},

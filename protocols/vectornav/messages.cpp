@@ -161,7 +161,7 @@ void put_measurement(unsigned type, const Reading& reading, Sums& sums, Message&
 void put_appended(double count_mode, double status_mode, const Reading& reading, Message& message) noexcept {
   const Sums none;
   const Quantities now(reading, none);
-  if (status_mode != 0) put_hexadecimal(status_mode == 2 ? now.ins_status() : 0U, ",S%04X", message);
+  if (status_mode != 0) put_hexadecimal(status_mode == 2 ? now.ins_status() : now.vpe_status(), ",S%04X", message);
   const std::array<std::uint32_t, 5> counts = {0, now.sync_in_count(), now.since_sync_in_us(), now.sync_out_count(),
                                                now.since_pulse_us()};
   const auto mode = static_cast<std::size_t>(count_mode);

@@ -11,6 +11,7 @@
 #include "core/earth/earth.hpp"
 #include "core/gps_time.hpp"
 #include "core/units.hpp"
+#include "protocols/vectornav/ins_mode.hpp"
 #include "protocols/vectornav/vectornav.hpp"
 
 namespace imud::vectornav {
@@ -46,6 +47,7 @@ class Quantities {
   std::uint32_t sync_out_count() const noexcept { return r_.sync.out_count; }
 
   // --- Inertial and other sensors; `raw`: not compensated ---
+  // Less the biases that the filter has estimated (VN-100 user manual UM001 2.22, page 42).
   Vector3 acceleration() const noexcept { return s_.specific_force; }  // m/s^2
   Vector3 rate() const noexcept { return s_.rate; }                    // rad/s
   Vector3 magnetic() const noexcept { return s_.magnetic_field / gauss; }
@@ -59,6 +61,17 @@ class Quantities {
   Vector3 delta_velocity() const noexcept { return sums_.delta_velocity; }  // m/s
   std::uint16_t saturation() const noexcept {
     return static_cast<std::uint16_t>((s_.status >> 3 & 7U) << 3 | (s_.status & 7U) << 6);
+  }
+
+  // The status of the attitude's filter: 0, but of the unit's own filter quality 3, not tracking, until there is an
+  // attitude, and the bits of saturated gyros and accelerometers (UM001 2.22, pages 49 and 50). No document has the
+  // limits of qualities 1 and 2, which are not sent.
+  std::uint16_t vpe_status() const noexcept {
+    if (!s_.solution) return 0;
+    constexpr unsigned not_tracking = 3, gyro_bit = 1U << 2, accelerometer_bit = 1U << 9;
+    const unsigned quality = s_.solution->state == Solution::State::aligning ? not_tracking : 0;
+    return static_cast<std::uint16_t>(quality | ((s_.status & 7U) != 0 ? gyro_bit : 0) |
+                                      ((s_.status >> 3 & 7U) != 0 ? accelerometer_bit : 0));
   }
 
   // --- Attitude; only tared_q() and tared_ypr_deg() include the tare ---
@@ -95,14 +108,16 @@ class Quantities {
   Vector3 magnetic_E() const noexcept { return to_E(magnetic_L()); }
   Vector3 acceleration_E() const noexcept { return to_E(acceleration_L()); }
   Vector3 linear_E() const noexcept { return to_E(linear_L()); }
-  // Mode 2 (tracking) and a fix; for a VN-300 also the heading from two antennas. The filter has mode 0 without and 1
-  // with a fix until it is aligned, and 3 after 45 s without a fix (vnproglib, InsStatus; manual of the VersaSync, p.
-  // 352).
+  // Mode 2 (tracking) and a fix; for a VN-300 also the heading from two antennas, which aids a filter that is
+  // aligned.
   std::uint16_t ins_status() const noexcept {
-    constexpr unsigned fix_bit = 0x0004, compass_bits = 0x0300;
+    constexpr unsigned fix_bit = 0x0004, heading_bit = 0x0100, compass_bit = 0x0200;
     const bool is_fixed = r_.model.receivers > 0 && s_.fix().is_known;
-    const unsigned fix_flags = !is_fixed ? 0 : r_.model.receivers == 2 ? fix_bit | compass_bits : fix_bit;
-    return static_cast<std::uint16_t>(mode() | fix_flags);
+    unsigned bits = static_cast<unsigned>(mode());
+    if (is_fixed) bits |= fix_bit;
+    if (is_fixed && r_.model.receivers == 2) bits |= compass_bit;
+    if (is_fixed && r_.model.receivers == 2 && has_fix()) bits |= heading_bit;
+    return static_cast<std::uint16_t>(bits);
   }
   Vector3 position_errors_m() const noexcept {
     if (is_filters_place()) return if_fixed(s_.solution->position.cast<double>());
@@ -130,17 +145,14 @@ class Quantities {
   bool is_filters_place() const noexcept { return is_filter_ && s_.navigation.is_known; }
   // The receiver's time, or after its last fix the filter's.
   bool knows_time() const noexcept { return r_.model.receivers > 0 && (navigation_.is_known || s_.fix().is_known); }
-  unsigned mode() const noexcept {
-    constexpr float longest_outage_s = 45;
-    if (r_.model.receivers == 0 || !is_filter_) return has_fix() ? 2 : 0;
-    if (s_.solution->state == Solution::State::aligning) return s_.fix().is_known ? 1 : 0;
-    return s_.solution->since_fix_s > longest_outage_s ? 3 : 2;
+  InsMode mode() const noexcept {
+    if (r_.model.receivers == 0 || !is_filter_) return has_fix() ? InsMode::tracking : InsMode::not_tracking;
+    return ins_mode(*s_.solution, s_.fix().is_known);
   }
 
   static constexpr double gauss = 1e-4, attitude_error_deg = 0.5, position_error = 1;
   static constexpr auto week_ns = static_cast<std::uint64_t>(gps_week_ns);
 
-  static double rms(const Vector3& v) noexcept { return v.norm() / std::sqrt(3.0); }
   Vector3 if_fixed(const Vector3& v) const noexcept { return has_fix() ? v : Vector3(Vector3::Zero()); }
   Vector3 to_E(const Vector3& v_L) const noexcept {
     return has_fix() ? Vector3(dcm_EL(navigation_.latitude, navigation_.longitude) * v_L) : Vector3(Vector3::Zero());
