@@ -181,6 +181,11 @@ class Fields {
   // As a device of the 7 series numbers them (mip_sdk, data_filter.h). A GX5 has but 1 and 2, running.
   enum class FilterState : std::uint16_t { initialization = 1, vertical_gyro, ahrs, full_navigation };
   FilterState filter_state() const noexcept;
+  // Returns true if the unit has a solution of its own, in that state.
+  bool is_in(Solution::State state) const noexcept { return sample_.solution && sample_.solution->state == state; }
+  struct Warnings;
+  unsigned flags_of_gx5(FilterState state, const Warnings& high) const noexcept;
+  unsigned flags_of_series_7(FilterState state, const Warnings& high, bool has_pulse) const noexcept;
 
   void put(Packet& packet, std::uint8_t set, std::uint8_t descriptor, const Since& since,
            DeviceTime at) const noexcept;

@@ -33,12 +33,16 @@ void put_utc(Packet& packet, std::int64_t gps_ns, std::uint16_t flags) noexcept 
 }  // namespace
 
 // The filter's states take these times after the first sample with a valid pulse per second (an assumption; the
-// manual of the GQ7, "Filter States" and "PPS", gives only their order and their conditions).
+// manual of the GQ7, "Filter States" and "PPS", gives only their order and their conditions). A filter of the unit's
+// own is in the initialization, or on a GQ7 a vertical gyro, until it is aligned. It navigates on by dead reckoning.
 Fields::FilterState Fields::filter_state() const noexcept {
   constexpr Nanoseconds initialization = std::chrono::seconds(1), alignment = std::chrono::seconds(3);
   const Model& model = memory_.model();
+  const bool is_aligning = is_in(Solution::State::aligning);
+  if (model.is(cv7) && is_aligning) return FilterState::initialization;
   if (model.is(cv7)) return model.is(ins) && is_known() ? FilterState::full_navigation : FilterState::ahrs;
-  if (model.is(gx5)) return model.is(ins) && !is_known() ? FilterState::initialization : FilterState::vertical_gyro;
+  const bool waits = model.is(ins) ? !is_known() : is_aligning;
+  if (model.is(gx5)) return waits ? FilterState::initialization : FilterState::vertical_gyro;
   const Nanoseconds age = filter_began_ ? sample_.time - *filter_began_ : Nanoseconds(0);
   if (age < initialization) return FilterState::initialization;
   const Kept& setting = *memory_.active().find_kept(model, filter_command, 0x52);
@@ -54,10 +58,17 @@ void Fields::put_filter(Packet& packet, std::uint8_t descriptor, DeviceTime at) 
   const Navigation& navigation = sample_.navigation;
   const FilterState state = filter_state();
   const bool navigates = is_known() && (!memory_.model().is(gq7) || state == FilterState::full_navigation);
-  const bool is_stable = !memory_.model().is(gq7) || state != FilterState::initialization;
   const std::optional<Solution>& solution = sample_.solution;
-  const auto uncertainty = [&](Eigen::Vector3f Solution::*of_filter, const Vector3& otherwise) {
-    return solution ? Vector3(((*solution).*of_filter).cast<double>()) : otherwise;
+  const bool is_stable =
+      memory_.model().is(gq7) ? state != FilterState::initialization : !is_in(Solution::State::aligning);
+  const auto of_filter = [&](Eigen::Vector3f Solution::*member) {
+    return Vector3(((*solution).*member).cast<double>());
+  };
+  const auto uncertainty = [&](Eigen::Vector3f Solution::*member, const Vector3& otherwise) {
+    return solution ? of_filter(member) : otherwise;
+  };
+  const auto without = [&](Eigen::Vector3f Solution::*bias_P, const Vector3& sensed) -> Vector3 {
+    return solution ? Vector3(sensed - memory_.active().q_PV.conjugate() * of_filter(bias_P)) : sensed;
   };
   std::uint16_t valid = is_stable;
   switch (descriptor) {
@@ -81,7 +92,7 @@ void Fields::put_filter(Packet& packet, std::uint8_t descriptor, DeviceTime at) 
       put_euler(packet);
       break;
     case 0x06:
-      packet.put_floats(memory_.active().q_PV.conjugate() * uncertainty(&Solution::gyro_bias, Vector3::Zero()));
+      packet.put_floats(uncertainty(&Solution::gyro_bias, Vector3::Zero()));  // in P
       break;
     case 0x08:
       packet.put_floats(uncertainty(&Solution::position,
@@ -101,13 +112,13 @@ void Fields::put_filter(Packet& packet, std::uint8_t descriptor, DeviceTime at) 
           figure_or(figures_.attitude, {0.25 * units::degree, 0.25 * units::degree, heading_uncertainty})));
       break;
     case 0x0B:
-      packet.put_floats(Vector3::Constant(1e-4));  // rad/s
+      packet.put_floats(uncertainty(&Solution::gyro_bias_sigma, Vector3::Constant(1e-4)));  // rad/s
       break;
     case 0x0D:
-      packet.put_floats(sample_.specific_force + gravity());
+      packet.put_floats(without(&Solution::accelerometer_bias, sample_.specific_force) + gravity());
       break;
     case 0x0E:
-      packet.put_floats(sample_.rate);
+      packet.put_floats(without(&Solution::gyro_bias, sample_.rate));
       break;
     case 0x10:
       return put_filter_status(packet, at);
@@ -124,7 +135,7 @@ void Fields::put_filter(Packet& packet, std::uint8_t descriptor, DeviceTime at) 
       packet.put_floats(gravity());
       break;
     case 0x1C:
-      packet.put_floats(sample_.specific_force);
+      packet.put_floats(without(&Solution::accelerometer_bias, sample_.specific_force));
       break;
     case 0x49:
       return put_dual_antenna(packet, at);
@@ -136,18 +147,55 @@ void Fields::put_filter(Packet& packet, std::uint8_t descriptor, DeviceTime at) 
   packet.put(valid);
 }
 
-// Writes state, dynamics mode and flags. A GX5 is in state 1, initializing, without position and velocity, else in 2,
-// running and valid. A device of the 7 series has flags: 1, stable, or 2, converging; 0x400, no pulse per second.
+// Which of the filter's standard deviations are high. No document has MicroStrain's limits: they are chosen, as those
+// of SBG's valid solution (sbgECom 05c19cd, sbgEComLogEkf.h).
+struct Fields::Warnings {
+  bool tilt = false, heading = false, velocity = false, position = false;
+
+  Warnings(const std::optional<Solution>& solution, bool has_place) noexcept {
+    if (!solution) return;
+    constexpr auto high_tilt = static_cast<float>(0.5 * units::degree),
+                   high_heading = static_cast<float>(1.0 * units::degree);
+    constexpr float high_velocity = 1.5F, high_position = 10;
+    tilt = solution->attitude.head<2>().maxCoeff() > high_tilt;
+    heading = solution->attitude.z() > high_heading;
+    velocity = has_place && solution->velocity.maxCoeff() > high_velocity;
+    position = has_place && solution->position.maxCoeff() > high_position;
+  }
+  bool is_any() const noexcept { return tilt || heading || velocity || position; }
+};
+
+// Writes state, dynamics mode and flags (mip_sdk, mip_filter_status_flags; manuals of GQ7 and CV7, "Filter Status
+// Flags").
 void Fields::put_filter_status(Packet& packet, DeviceTime at) const noexcept {
   const Model& model = memory_.model();
   const FilterState state = filter_state();
-  const bool waits = state == FilterState::initialization;
   const Kept* dynamics = memory_.active().find_kept(model, filter_command, 0x10);
-  unsigned flags = model.is(gx5) && waits ? 0x2000 : model.is(gx5) ? 0 : 1;
-  if (model.is(gq7)) flags = (state == FilterState::full_navigation ? 1U : 2U) | (has_pulse(at) ? 0U : 0x400U);
   packet.put(static_cast<std::uint16_t>(state));
   packet.put(static_cast<std::uint16_t>(dynamics != nullptr ? dynamics->bytes[0] : 1));
-  packet.put(static_cast<std::uint16_t>(flags));
+  const Warnings warnings(sample_.solution, is_known());
+  packet.put(static_cast<std::uint16_t>(model.is(gx5) ? flags_of_gx5(state, warnings)
+                                                      : flags_of_series_7(state, warnings, has_pulse(at))));
+}
+
+// In state 1, initializing: 0x1000, no attitude; 0x2000, no position and velocity. In state 2, running and valid:
+// 0x02, no GNSS; 0x10, 0x20, 0x40, covariance of position, velocity and attitude high.
+unsigned Fields::flags_of_gx5(FilterState state, const Warnings& high) const noexcept {
+  const bool is_aligning = is_in(Solution::State::aligning), is_ins = memory_.model().is(ins);
+  if (state == FilterState::initialization) return (is_aligning ? 0x1000U : 0U) | (is_ins ? 0x2000U : 0U);
+  const bool has_lost = sample_.solution && is_ins && !sample_.fix().is_known;
+  return (has_lost ? 0x02U : 0U) | (high.position ? 0x10U : 0U) | (high.velocity ? 0x20U : 0U) |
+         (high.tilt || high.heading ? 0x40U : 0U);
+}
+
+// Condition 1, stable, or 2, converging; 0x04 to 0x20: tilt, heading, position and velocity are uncertain; 0x400: no
+// pulse per second. The filter is stable once its deviations are small, while it has aids.
+unsigned Fields::flags_of_series_7(FilterState state, const Warnings& high, bool has_pulse) const noexcept {
+  const bool is_gq7 = memory_.model().is(gq7);
+  const bool is_settled = !high.is_any() && !is_in(Solution::State::aligning) && !is_in(Solution::State::coasting);
+  const bool is_stable = is_settled && (!is_gq7 || state == FilterState::full_navigation);
+  return (is_stable ? 1U : 2U) | (high.tilt ? 0x04U : 0U) | (high.heading ? 0x08U : 0U) |
+         (high.position ? 0x10U : 0U) | (high.velocity ? 0x20U : 0U) | (is_gq7 && !has_pulse ? 0x400U : 0U);
 }
 
 // Writes the second of the week, heading, its uncertainty, and flags: integers fixed, both receivers and the offsets

@@ -1,0 +1,147 @@
+// What a MIP device reports while its own filter aligns, is aided, coasts, and is aided again.
+#include <gtest/gtest.h>
+
+#include "core/attitude.hpp"
+#include "core/units.hpp"
+#include "tests/protocols/mip/mip_unit.hpp"
+#include "tests/protocols/solution_phases.hpp"
+
+namespace imud::mip_test {
+namespace {
+
+constexpr PhaseSigmas far_off = {.tilt_deg = 0.4, .heading_deg = 0.9, .velocity = 1.6, .position = 11};
+constexpr PhaseSigmas all_high = {.tilt_deg = 0.6, .heading_deg = 1.2, .velocity = 1.6, .position = 11};
+
+// A unit of that model, which streams these fields of the filter with each sample.
+class FilterUnit {
+ public:
+  FilterUnit(const char* model, std::vector<std::uint8_t> descriptors) : unit_({{"model", std::string(model)}}) {
+    Bytes format = {1, 0x82, static_cast<std::uint8_t>(descriptors.size())};
+    for (const std::uint8_t descriptor : descriptors) format.insert(format.end(), {descriptor, 0, 1});
+    EXPECT_EQ(unit_.code(command(0x0C, 0x0F, format)), 0);
+  }
+  // The last packet of the filter's data in ten samples.
+  Bytes packet(const Sample& sample) {
+    unit_.sample = sample;
+    Bytes last;
+    for (const Bytes& one : unit_.run(10))
+      if (one[2] == 0x82) last = one;
+    return last;
+  }
+  // State and flags.
+  std::pair<int, int> status(const Sample& sample) {
+    const Bytes data = field(packet(sample), 0x10);
+    return {number_at<std::uint16_t>(data, 0), number_at<std::uint16_t>(data, 4)};
+  }
+  Unit& unit() { return unit_; }
+
+ private:
+  Unit unit_;
+};
+using Status = std::pair<int, int>;
+
+Sample levelled(const Sample& known) {
+  Sample sample = navigating(known, Solution::State::levelled, {});
+  sample.navigation = {};
+  return sample;
+}
+
+TEST(MipSolution, StateAndFlagsOfAGx5) {
+  const Sample known = over_boulder();
+  FilterUnit ins("3dm-gx5-45", {0x10});
+  EXPECT_EQ(ins.status(aligning(known)), Status(1, 0x3000)) << "no attitude, no position and velocity";
+  EXPECT_EQ(ins.status(levelled(known)), Status(1, 0x2000)) << "no position and velocity";
+  EXPECT_EQ(ins.status(aided(known)), Status(2, 0));
+  EXPECT_EQ(ins.status(coasting(known, 5)), Status(2, 0x02)) << "no GNSS";
+  EXPECT_EQ(ins.status(coasting(known, 60, far_off)), Status(2, 0x32)) << "position and velocity uncertain";
+  EXPECT_EQ(ins.status(coasting(known, 600, all_high)), Status(2, 0x72));
+  EXPECT_EQ(ins.status(aided(known)), Status(2, 0));
+  FilterUnit ahrs("3dm-gx5-25", {0x10});
+  EXPECT_EQ(ahrs.status(aligning(known)), Status(1, 0x1000)) << "no attitude";
+  EXPECT_EQ(ahrs.status(levelled(known)), Status(2, 0));
+}
+
+TEST(MipSolution, StateAndFlagsOfTheSeries7) {
+  const Sample known = over_boulder();
+  const int stable = 1, converging = 2;
+  FilterUnit cv7("3dm-cv7-ins", {0x10});
+  EXPECT_EQ(cv7.status(aligning(known)), Status(1, converging | 0x0C)) << "initialization";
+  EXPECT_EQ(cv7.status(levelled(known)), Status(3, stable)) << "AHRS";
+  EXPECT_EQ(cv7.status(aided(known)), Status(4, stable)) << "full navigation";
+  EXPECT_EQ(cv7.status(coasting(known, 5)), Status(4, converging));
+  EXPECT_EQ(cv7.status(coasting(known, 60, far_off)), Status(4, converging | 0x30));
+  EXPECT_EQ(cv7.status(aided(known, all_high)), Status(4, converging | 0x3C));
+  EXPECT_EQ(cv7.status(aided(known)), Status(4, stable));
+  FilterUnit ahrs("3dm-cv7-ahrs", {0x10});
+  EXPECT_EQ(ahrs.status(aligning(known)), Status(1, converging | 0x0C));
+  EXPECT_EQ(ahrs.status(levelled(known)), Status(3, stable));
+}
+
+// A GQ7 waits for its pulse per second, then for the place.
+TEST(MipSolution, StateAndFlagsOfAGq7) {
+  const Sample known = over_boulder();
+  FilterUnit gq7("3dm-gq7", {0x10});
+  const auto after = [&](int seconds, const Sample& sample) {
+    for (int i = 0; i < 100 * seconds; ++i) gq7.packet(sample);
+    return gq7.status(sample);
+  };
+  EXPECT_EQ(after(0, aligning(known, false)), Status(1, 2 | 0x40C)) << "initialization, no pulse";
+  EXPECT_EQ(after(4, aligning(known)), Status(2, 2 | 0x0C)) << "vertical gyro";
+  EXPECT_EQ(after(0, aided(known)), Status(4, 1)) << "full navigation, stable";
+  EXPECT_EQ(after(0, coasting(known, 5)), Status(4, 2)) << "converging";
+  EXPECT_EQ(after(0, coasting(known, 60, far_off)), Status(4, 2 | 0x30));
+  EXPECT_EQ(after(0, aided(known)), Status(4, 1));
+}
+
+// The biases are in the axes of the sensor; rate and accelerations, of the vehicle, are reduced by them.
+TEST(MipSolution, BiasesAndTheirUncertainties) {
+  FilterUnit ins("3dm-gx5-45", {0x06, 0x0B, 0x0E, 0x1C, 0x0D, 0x05});
+  // Yaw of the sensor in the vehicle: x of the vehicle is y of the sensor.
+  EXPECT_EQ(ins.unit().code(command(0x0D, 0x11,
+                                    hex("010000000000000000"
+                                        "3FC90FDB"))),
+            0);
+  Sample sample = aided(over_boulder());
+  sample.rate = {0.5, 0.25, 0};
+  sample.specific_force = {1, 2, -10};
+  sample.solution->gyro_bias = {0.125F, 0, 0};
+  sample.solution->gyro_bias_sigma = {0.001F, 0.002F, 0.003F};
+  sample.solution->accelerometer_bias = {0, 0.5F, 0};
+  const auto three = [](const Bytes& packet, std::uint8_t descriptor) {
+    const Bytes data = field(packet, descriptor);
+    return Vector3(number(data, 0), number(data, 1), number(data, 2));
+  };
+  const Bytes with = ins.packet(sample);
+  EXPECT_EQ(three(with, 0x06), Vector3(0.125, 0, 0));
+  EXPECT_LT((three(with, 0x0B) - Vector3(0.001, 0.002, 0.003)).norm(), 1e-9);
+  sample.solution->gyro_bias.setZero();
+  sample.solution->accelerometer_bias.setZero();
+  const Bytes without = ins.packet(sample);
+  const Vector3 of_rate = three(without, 0x0E) - three(with, 0x0E),
+                of_force = three(without, 0x1C) - three(with, 0x1C);
+  EXPECT_NEAR(of_rate.norm(), 0.125, 1e-6);
+  EXPECT_NEAR(std::abs(of_rate.y()), 0.125, 1e-6) << "of the sensor's x";
+  EXPECT_NEAR(of_force.norm(), 0.5, 1e-6);
+  EXPECT_NEAR(std::abs(of_force.x()), 0.5, 1e-6) << "of the sensor's y";
+  EXPECT_LT((three(without, 0x0D) - three(with, 0x0D) - of_force).norm(), 1e-6);
+}
+
+// While the filter aligns its attitude is not valid, and the time is the receiver's.
+TEST(MipSolution, ValidityWhileAligning) {
+  FilterUnit ins("3dm-gx5-45", {0x01, 0x05, 0x08, 0x11});
+  const Sample known = over_boulder();
+  const auto valid = [](const Bytes& packet, std::uint8_t descriptor) {
+    const Bytes data = field(packet, descriptor);
+    return number_at<std::uint16_t>(data, data.size() - 2);
+  };
+  const Bytes aligns = ins.packet(aligning(known));
+  for (const std::uint8_t descriptor : Bytes{0x01, 0x05, 0x08}) EXPECT_EQ(valid(aligns, descriptor), 0) << descriptor;
+  EXPECT_EQ(valid(aligns, 0x11), 1);
+  EXPECT_GT(number_at<double>(field(aligns, 0x11), 0), 1e4) << "s of the week";
+  const Bytes coasts = ins.packet(coasting(known, 60, far_off));
+  for (const std::uint8_t descriptor : Bytes{0x01, 0x05, 0x08, 0x11}) EXPECT_EQ(valid(coasts, descriptor), 1);
+  EXPECT_EQ(number(field(coasts, 0x08), 2), 11) << "m down";
+}
+
+}  // namespace
+}  // namespace imud::mip_test
