@@ -116,7 +116,7 @@ class Quantities {
     unsigned bits = static_cast<unsigned>(mode());
     if (is_fixed) bits |= fix_bit;
     if (is_fixed && r_.model.receivers == 2) bits |= compass_bit;
-    if (is_fixed && r_.model.receivers == 2 && has_fix()) bits |= heading_bit;
+    if (is_fixed && r_.model.receivers == 2 && (!is_filter_ || is_filters_place())) bits |= heading_bit;
     return static_cast<std::uint16_t>(bits);
   }
   Vector3 position_errors_m() const noexcept {
