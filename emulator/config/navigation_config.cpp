@@ -1,5 +1,6 @@
 // The errors of barometers and navigation solutions in a configuration.
 #include <optional>
+#include <string_view>
 
 #include "core/navigation/navigator.hpp"
 #include "core/units.hpp"
@@ -56,32 +57,38 @@ void check_places(TableReader& table, const std::optional<bool>& has_places) {
                 "earth.frame = \"local\" with latitude_deg and longitude_deg, or \"inertial\"");
 }
 
-// A navigation system with the errors of a preset computes its solution, unless the truth is known to have no place,
-// or the attitude's errors are given, which a filter does not take.
-bool solves_by_default(TableReader& table, const ImuConfig& imu, const std::optional<bool>& has_places) {
-  return imu.protocol != nullptr && imu.protocol->solves != nullptr && find_preset(imu.errors_model) != nullptr &&
-         imu.protocol->solves(imu.settings) == Solves::place && has_places.value_or(false) &&
-         !table.has("roll_pitch_deg") && !table.has("heading_deg");
-}
-
-// A filter of attitude alone levels by the specific force, in which gravity's reaction must be.
-void check_weight(TableReader& table, const TruthConfig& truth) {
+// A filter of attitude alone levels by the specific force, in which gravity's reaction must be. Returns why it is
+// not; empty: it is.
+std::string_view weightless(const TruthConfig& truth) {
   if (truth.ignores_force)
-    table.fault("solution",
-                "\"attitude\" levels by the specific force, which truth.specific_force = \"none\" leaves 0; give "
-                "\"auto\"");
+    return "\"attitude\" levels by the specific force, which truth.specific_force = \"none\" leaves 0; give \"auto\"";
   using Gravity = GravitationModel::Kind;
   const GravitationModel& gravitation = truth.gravitation;
   const bool is_off =
       gravitation.kind == Gravity::none || (gravitation.kind == Gravity::constant && gravitation.constant == 0);
   if (is_off && truth.fit && truth.fit->specific_force != PoseFit::Source::given)
-    table.fault("solution",
-                "\"attitude\" levels by gravity, which a derived specific force has only if truth.gravity takes it "
-                "away; give truth.gravity = \"auto\", or gravity_m_per_s2, or send the specific force with "
-                "truth.specific_force = \"given\"");
+    return "\"attitude\" levels by gravity, which a derived specific force has only if truth.gravity takes it away; "
+           "give truth.gravity = \"auto\", or gravity_m_per_s2, or send the specific force with "
+           "truth.specific_force = \"given\"";
+  return {};
+}
+
+void check_weight(TableReader& table, const TruthConfig& truth) {
+  if (const std::string_view why = weightless(truth); !why.empty()) table.fault("solution", why);
 }
 
 using Kind = NavigatorModel::Kind;
+
+// A product with the errors of a preset computes its solution where the truth has places, of which receiver and
+// magnetometer measure, unless the attitude's errors are given, which a filter does not take.
+std::optional<Kind> default_solution(TableReader& table, const TruthConfig& truth, const ImuConfig& imu) {
+  if (imu.protocol == nullptr || imu.protocol->solves == nullptr || find_preset(imu.errors_model) == nullptr ||
+      !has_places(truth).value_or(false) || table.has("roll_pitch_deg") || table.has("heading_deg"))
+    return std::nullopt;
+  const Solves solves = imu.protocol->solves(imu.settings);
+  if (solves == Solves::place) return Kind::inertial;
+  return solves == Solves::attitude && weightless(truth).empty() ? std::optional(Kind::attitude) : std::nullopt;
+}
 
 // The keys of the unit's own filter. Where no accuracies are stated, the receiver is under an open sky.
 void read_navigator(TableReader& table, const TruthConfig& truth, ImuConfig& imu) {
@@ -92,7 +99,7 @@ void read_navigator(TableReader& table, const TruthConfig& truth, ImuConfig& imu
   using OfKind = std::optional<Kind>;
   const OfKind chosen = table.choice<OfKind>(
       "solution", {{std::nullopt, "truth"}, {Kind::inertial, "filter"}, {Kind::attitude, "attitude"}},
-      solves_by_default(table, imu, places) ? OfKind(Kind::inertial) : std::nullopt);
+      default_solution(table, truth, imu));
   navigator.is_on = chosen.has_value();
   navigator.kind = chosen.value_or(Kind::inertial);
   const bool is_inertial = chosen == Kind::inertial, is_attitude = chosen == Kind::attitude;

@@ -128,31 +128,36 @@ TEST_F(SolutionTest, KeysAreChecked) {
   EXPECT_THROW(load_config(write("nowhere.toml", nowhere)), ConfigError);
 }
 
-// An INS computes its solution unless it has no places, no errors of a preset, or given errors of the attitude.
-TEST_F(SolutionTest, IsTheFiltersByDefault) {
-  const auto is_on = [&](const char* earth, const std::string& protocol, const std::string& keys) {
-    return load_config(write("default.toml", config_text(earth, protocol, 1, keys))).imus[0].navigator.is_on;
+// An INS and an AHRS compute their solutions unless the truth has no places, or they have no errors of a preset, or
+// given errors of the attitude.
+TEST_F(SolutionTest, IsTheUnitsOwnByDefault) {
+  using Kind = NavigatorModel::Kind;
+  const auto solution_of = [&](const char* earth, const std::string& protocol, const std::string& keys) {
+    const Config config = load_config(write("default.toml", config_text(earth, protocol, 1, keys)));
+    const NavigatorModel& navigator = config.imus[0].navigator;
+    return navigator.is_on ? std::optional(navigator.kind) : std::nullopt;
   };
   constexpr const char *inertial = "[earth]\nframe = \"inertial\"\n", *nowhere = "[earth]\nframe = \"none\"\n";
   struct Unit {
     const char *protocol, *model;
-    bool is_ins;
+    Kind kind;
   };
-  for (const Unit& unit :
-       {Unit{"vectornav", "vn-100", false}, Unit{"vectornav", "vn-200", true}, Unit{"vectornav", "vn-300", true},
-        Unit{"mip", "3dm-gx5-25", false}, Unit{"mip", "3dm-gx5-45", true}, Unit{"mip", "3dm-cv7-ahrs", false},
-        Unit{"mip", "3dm-cv7-ins", true}, Unit{"mip", "3dm-gq7", true}}) {
+  for (const Unit& unit : {Unit{"vectornav", "vn-100", Kind::attitude}, Unit{"vectornav", "vn-200", Kind::inertial},
+                           Unit{"vectornav", "vn-300", Kind::inertial}, Unit{"mip", "3dm-gx5-25", Kind::attitude},
+                           Unit{"mip", "3dm-gx5-45", Kind::inertial}, Unit{"mip", "3dm-cv7-ahrs", Kind::attitude},
+                           Unit{"mip", "3dm-cv7-ins", Kind::inertial}, Unit{"mip", "3dm-gq7", Kind::inertial}}) {
     const std::string model = fmt::format("device.model = \"{}\"\n", unit.model);
-    EXPECT_EQ(is_on(inertial, unit.protocol, model), unit.is_ins) << unit.model;
-    EXPECT_EQ(is_on("", unit.protocol, model), unit.is_ins) << unit.model << ": JSBSim's truth has places";
-    EXPECT_FALSE(is_on(nowhere, unit.protocol, model)) << unit.model;
+    EXPECT_EQ(solution_of(inertial, unit.protocol, model), unit.kind) << unit.model;
+    EXPECT_EQ(solution_of("", unit.protocol, model), unit.kind) << unit.model << ": JSBSim's truth has places";
+    EXPECT_FALSE(solution_of(nowhere, unit.protocol, model)) << unit.model;
     for (const char* keys : {"model = \"ideal\"\n", "model = \"white\"\n", "navigation.heading_deg = 1\n",
                              "navigation.roll_pitch_deg = 1\n", "navigation.solution = \"truth\"\n"})
-      EXPECT_FALSE(is_on(inertial, unit.protocol, model + keys)) << unit.model << ": " << keys;
-    EXPECT_EQ(is_on(inertial, unit.protocol, model + "model = \"bmi088\"\n"), unit.is_ins) << unit.model;
+      EXPECT_FALSE(solution_of(inertial, unit.protocol, model + keys)) << unit.model << ": " << keys;
+    EXPECT_EQ(solution_of(inertial, unit.protocol, model + "model = \"bmi088\"\n"), unit.kind) << unit.model;
   }
-  EXPECT_TRUE(is_on(inertial, "sbg-can", "rate_hz = 200\n"));
-  EXPECT_FALSE(is_on(inertial, "stim300", ""));
+  EXPECT_EQ(solution_of(inertial, "sbg-can", "rate_hz = 200\n"), Kind::inertial);
+  EXPECT_EQ(solution_of(inertial, "xsens-can", "rate_hz = 200\n"), Kind::attitude);
+  EXPECT_FALSE(solution_of(inertial, "stim300", ""));
 }
 
 }  // namespace
