@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <cstdint>
 
@@ -128,17 +129,50 @@ TEST(NavigatorAids, RestHasNoVelocity) {
   }
 }
 
-// The receiver contradicts a solution that has stood still wrongly.
+// A unit at rest has coasted for a minute, and its receiver comes back with a velocity, at a place that is rejected:
+// by its own solution alone it would be at rest.
 TEST(NavigatorAids, TheReceiverContradictsRest) {
   NavigatingUnit model = mems_unit();
   model.navigator.zero_velocity = true;
-  const auto moving = [](Sample& sample, double) { sample.navigation.v_L.x() += 1; };
-  fly(
-      model, 30, moving, [](const Sample&, const Errors&, double) {}, 1, in_time, stop_and_go,
-      [](const Navigator& navigator) {
-        EXPECT_EQ(navigator.rests().used, 0U);
-        EXPECT_GT(navigator.rests().rejected, 25U);
-      });
+  const auto moving = [](Sample& sample, double t) {
+    if (t > 10 && t < 50) return lose_fix(sample);
+    if (t < 50) return;
+    move(sample.navigation, {5000, 0, 0});
+    sample.navigation.v_L.x() += 1;
+  };
+  const auto look = [](const Sample& sample, const Errors&, double t) {
+    if (t > 20 && t < 50) {
+      EXPECT_EQ(sample.solution->used & aid::zero_velocity, aid::zero_velocity) << t;
+    } else if (t > 51.1) {
+      EXPECT_EQ(sample.solution->rejected & aid::zero_velocity, aid::zero_velocity) << t;
+    }
+  };
+  fly(model, 59, moving, look, 1, in_time, stop_and_go);
+}
+
+// Five minutes of smooth flight without a fix, by poor sensors: the velocity is off by tens of metres per second, so
+// that its uncertainty alone would allow for rest.
+TEST(NavigatorAids, AFastSolutionIsNotAtRest) {
+  NavigatingUnit model = mems_unit();
+  model.gyro.turn_on_bias = Vector3::Constant(0.01);
+  model.accelerometer.turn_on_bias = Vector3::Constant(0.2);
+  tune(model.navigator, model);
+  model.navigator.zero_velocity = true;
+  const auto outage = [](Sample& sample, double t) {
+    if (t > 60) lose_fix(sample);
+  };
+  const auto fast = [](TruthTime time) {
+    Truth truth = stop_and_go(time + std::chrono::seconds(80));
+    truth.time = time;
+    return truth;
+  };
+  const auto look = [](const Sample& sample, const Errors&, double t) {
+    if (t > 3) {
+      EXPECT_EQ(sample.solution->used & aid::zero_velocity, 0) << t;
+    }
+  };
+  fly(model, 360, outage, look, 1, in_time, fast,
+      [](const Navigator& navigator) { EXPECT_GT(navigator.rests().rejected, 200U); });
 }
 
 // A receiver whose errors are the same for ten minutes: the fixes together are no better than one.
@@ -148,6 +182,11 @@ TEST(NavigatorAids, SlowErrorsOfTheReceiverAreConsistent) {
   model.navigation.velocity = model.navigator.slow_velocity = {0.1, 0.1, 0.1};
   model.navigation.position_noise = model.navigator.position = {0.2, 0.2, 0.4};
   model.navigation.velocity_noise = model.navigator.velocity = {0.02, 0.02, 0.02};
+  const auto look = [](const Sample& sample, const Errors&, double t) {
+    if (t < 50) return;
+    EXPECT_NEAR(static_cast<double>(sample.solution->position.x()), 1.5, 0.05) << t;
+  };
+  fly(model, 60, nullptr, look);
   const MeanSquares mean = mean_squares(model, 10, 60);
   // Two components of eight units, which hardly change: 16 squares.
   EXPECT_GT(mean.position, 0.3);
