@@ -3,6 +3,7 @@
 #include <cmath>
 #include <utility>
 
+#include "core/attitude.hpp"
 #include "core/navigation/azimuth.hpp"
 #include "core/navigation/navigator.hpp"
 #include "core/units.hpp"
@@ -92,6 +93,27 @@ void Navigator::use_heading(const Sample& sample, const At& at) noexcept {
   const InertialFilter::Measurement heading = azimuth_measurement(model, field, q_LN, model_.heading);
   filter_.propagate();
   ++(use(aid::magnetic_heading, heading) ? headings_.used : headings_.rejected);
+}
+
+// The line from one antenna to the other, as the receiver measures it: the platform's x axis, by the true attitude.
+// The noise is one of the azimuth. Unlike a fix it is not late: a unit corrects for the time of a measurement.
+Vector3 Navigator::baseline_L(const Sample& sample) const noexcept {
+  const double noise =
+      model_.antennas_heading * normals_(Quantity::attitude, Process::white_noise, sample.counter).z();
+  return exp(Vector3(0, 0, noise)) * (sample.q_LP * Vector3::UnitX());
+}
+
+void Navigator::use_antennas(const Sample& sample, const At& at) noexcept {
+  const Navigation here = place(at);
+  if (!sample.fix().is_known || !here.is_known) return;
+  const Quaternion q_LN = earth_.q_LN(position_of(at), here);
+  const Vector3 measured = baseline_L(sample), estimated = q_LN * (filter_.motion().q_NP * Vector3::UnitX());
+  constexpr double least2 = 0.03;  // of the horizontal part: within 10 degrees of the vertical there is no heading
+  if (measured.head<2>().squaredNorm() < least2 || estimated.head<2>().squaredNorm() < least2) return;
+  filter_.propagate();
+  const bool is_used =
+      use(aid::antennas_heading, azimuth_measurement(measured, estimated, q_LN, model_.antennas_heading));
+  ++(is_used ? antenna_headings_.used : antenna_headings_.rejected);
 }
 
 void Navigator::use_height(const Sample& sample, const At& at) noexcept {

@@ -44,7 +44,7 @@ Matrix3 turned(const Matrix3& axes, const Vector3& sigma) {
 
 }  // namespace
 
-Navigator::Navigator(const NavigatorModel& model, const ImuModel& imu)
+Navigator::Navigator(const NavigatorModel& model, const ImuModel& imu, const Normals& normals)
     : model_(model),
       earth_(imu.earth),
       start_gps_ns_(imu.earth.start_gps_ns),
@@ -58,7 +58,8 @@ Navigator::Navigator(const NavigatorModel& model, const ImuModel& imu)
       velocity_error_(AidErrors(model_).velocity),
       height_error_(AidErrors(model_).height),
       past_(static_cast<std::size_t>(samples_of(latency_, imu.rate_hz) + 1)),
-      rest_detector_(model_.noise) {}
+      rest_detector_(model_.noise),
+      normals_(normals) {}
 
 void Navigator::restart() noexcept {
   is_aligned_ = has_begun_ = false;
@@ -107,6 +108,10 @@ void Navigator::take(Sample& sample, TruthTime time, std::optional<double> earth
     if (fix_every_ > 0 && since % fix_every_ == 0) {
       forget(aid::position | aid::velocity);
       use_fix(sample, at);
+    }
+    if (fix_every_ > 0 && since % fix_every_ == 0 && model_.antennas_heading > 0) {
+      forget(aid::antennas_heading);
+      use_antennas(sample, at);
     }
     if (heading_every_ > 0 && since % heading_every_ == 0) {
       forget(aid::magnetic_heading);
@@ -172,8 +177,8 @@ std::optional<Navigator::Aligned> Navigator::measure_attitude(const PositionVelo
   return coarse_attitude(now, sample);
 }
 
-// The change of the velocity less the gravitation's is one direction. The other is the magnetic field, or the course,
-// to which the platform's x axis is taken to point.
+// The change of the velocity less the gravitation's is one direction. The other is the line between two antennas, the
+// magnetic field, or the course, to which the platform's x axis is taken to point.
 std::optional<Navigator::Aligned> Navigator::coarse_attitude(const PositionVelocity& now,
                                                              const Sample& sample) const noexcept {
   const double t = window_->time_s();
@@ -184,11 +189,19 @@ std::optional<Navigator::Aligned> Navigator::coarse_attitude(const PositionVeloc
   Vector2 sigma = {
       model_.accelerometer_bias / units::standard_gravity + 2.0 * model_.velocity.x() / (units::standard_gravity * t),
       2.0 * model_.heading};
-  if (!window_->magnetic_field_P0().isZero(0.0)) {
+  const auto add_tilt = [&sigma](const Vector3& second_L) {
+    const double by_tilt = sigma.x() * second_L.z() / second_L.head<2>().norm();
+    sigma.y() = std::sqrt(sigma.y() * sigma.y() + by_tilt * by_tilt);
+  };
+  if (model_.antennas_heading > 0) {
+    second_N = from_L * baseline_L(sample);
+    sigma.y() = model_.antennas_heading;
+    add_tilt(baseline_L(sample));
+    second_P0 = alignment_.q_P0P() * Vector3::UnitX();
+  } else if (!window_->magnetic_field_P0().isZero(0.0)) {
     const Vector3 field_L = earth_.magnetic_field_L(sample.fix());
     second_N = from_L * field_L;
-    const double by_tilt = sigma.x() * field_L.z() / field_L.head<2>().norm();
-    sigma.y() = std::sqrt(sigma.y() * sigma.y() + by_tilt * by_tilt);
+    add_tilt(field_L);
     second_P0 = window_->magnetic_field_P0();
   } else {
     constexpr double slowest = 2.0, sideslip = 0.17;  // m/s, rad

@@ -9,6 +9,7 @@
 #include "core/navigation/coarse_alignment.hpp"
 #include "core/navigation/inertial_filter.hpp"
 #include "core/navigation/rest_detector.hpp"
+#include "core/numbers/random.hpp"
 #include "core/sample.hpp"
 #include "core/timeline.hpp"
 
@@ -28,10 +29,13 @@ void tune(NavigatorModel& navigator, const ImuModel& imu) noexcept;
 class Navigator {
  public:
   // NavigationErrors::latency is the age of the receiver's fixes. Up to about a second the covariance allows for it.
-  Navigator(const NavigatorModel& model, const ImuModel& imu);
+  // `normals`: of the imu, for the noise of the antennas.
+  Navigator(const NavigatorModel& model, const ImuModel& imu, const Normals& normals = {0, 0});
 
   // Makes the next sample the first of a run, or of a power on: the alignment begins.
   void restart() noexcept;
+  // Replaces the seed of the noise.
+  void set_seed(std::uint64_t seed) noexcept { normals_.set_seed(seed); }
   // Replaces the solution of a sample. Its place is the receiver's fix, and its attitude the true one; both may have
   // been changed by faults. `time`: of the truth that it measured; `earth_angle`: PositionVelocity's.
   void take(Sample& sample, TruthTime time, std::optional<double> earth_angle) noexcept;
@@ -48,6 +52,7 @@ class Navigator {
   };
   const Counts& fixes() const noexcept { return fixes_; }
   const Counts& headings() const noexcept { return headings_; }
+  const Counts& antenna_headings() const noexcept { return antenna_headings_; }
   const Counts& heights() const noexcept { return heights_; }  // barometric
   // The rests that the sensors have found, each of a second.
   const Counts& rests() const noexcept { return rests_; }
@@ -76,6 +81,8 @@ class Navigator {
   void begin_again(const PositionVelocity& measured, const Sample& sample, const At& at) noexcept;
   void use_fix(const Sample& sample, const At& at) noexcept;
   void use_heading(const Sample& sample, const At& at) noexcept;
+  void use_antennas(const Sample& sample, const At& at) noexcept;
+  Vector3 baseline_L(const Sample& sample) const noexcept;
   void use_height(const Sample& sample, const At& at) noexcept;
   void use_rest(const Sample& sample, const At& at, double dt) noexcept;
   bool is_slow(const Navigation& here, const Navigation& fix) const noexcept;
@@ -134,7 +141,8 @@ class Navigator {
   std::int64_t receiver_clock_ns_ = 0;  // the receiver's GPS time less the true one
   double heights_rejected_s_ = 0;       // for which all heights have been rejected
   RestDetector rest_detector_;
-  Counts fixes_, headings_, heights_, rests_;
+  Normals normals_;
+  Counts fixes_, headings_, antenna_headings_, heights_, rests_;
   std::uint16_t used_ = 0, rejected_ = 0;  // Solution's
 };
 

@@ -1,6 +1,7 @@
 // OwnSolution: the solution that a unit computes, with a receiver's fixes or without.
 #pragma once
 
+#include <cstdint>
 #include <optional>
 #include <variant>
 
@@ -13,11 +14,17 @@ namespace imud {
 // throws; not thread-safe.
 class OwnSolution {
  public:
-  OwnSolution(const NavigatorModel& model, const ImuModel& imu) : of_(made(model, imu)) {}
+  // `normals`: of the imu.
+  OwnSolution(const NavigatorModel& model, const ImuModel& imu, const Normals& normals)
+      : of_(made(model, imu, normals)) {}
 
   // Makes the next sample the first of a run, or of a power on: the alignment begins.
   void restart() noexcept {
     std::visit([](auto& of) { of.restart(); }, of_);
+  }
+  // Replaces the seed of the noise of aids.
+  void set_seed(std::uint64_t seed) noexcept {
+    if (auto* navigator = std::get_if<Navigator>(&of_)) navigator->set_seed(seed);
   }
   // Replaces the solution of a sample (Navigator::take(), AttitudeReference::take()).
   void take(Sample& sample, TruthTime time, std::optional<double> earth_angle) noexcept {
@@ -43,9 +50,9 @@ class OwnSolution {
 
  private:
   using Either = std::variant<Navigator, AttitudeReference>;
-  static Either made(const NavigatorModel& model, const ImuModel& imu) {
+  static Either made(const NavigatorModel& model, const ImuModel& imu, const Normals& normals) {
     if (model.kind == NavigatorModel::Kind::attitude) return AttitudeReference(model, imu);
-    return Navigator(model, imu);
+    return Navigator(model, imu, normals);
   }
 
   Either of_;

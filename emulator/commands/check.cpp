@@ -78,16 +78,20 @@ std::string solution_text(const NavigatorModel& navigator, const EarthModel& ear
               "the heading drifts from 0",
         is_coarse ? fmt::format("it levels for {:g} s", navigator.alignment_s) : "it begins at the true attitude");
   }
+  const std::string antennas = navigator.antennas_heading > 0
+                                   ? fmt::format(", headings by two antennas with them ({:.3g} deg)",
+                                                 navigator.antennas_heading / units::degree)
+                                   : std::string();
   const std::string height = navigator.barometer_rate_hz > 0
                                  ? fmt::format(", {}", aid(navigator.barometer_rate_hz, "barometric heights",
                                                            fmt::format("{:.3g} m", navigator.barometric_height)))
                                  : std::string();
   return fmt::format(
-      "solution by the unit's filter: {}, {}{}{}; {}",
+      "solution by the unit's filter: {}{}, {}{}{}; {}",
       aid(navigator.gnss_rate_hz, "fixes",
           fmt::format("{:.3g} m, {:.3g} m/s north", std::hypot(navigator.position.x(), navigator.slow_position.x()),
                       std::hypot(navigator.velocity.x(), navigator.slow_velocity.x()))),
-      headings, height, navigator.zero_velocity ? ", no velocity at rest" : "",
+      antennas, headings, height, navigator.zero_velocity ? ", no velocity at rest" : "",
       is_coarse ? fmt::format("no place until it has aligned, {:g} s after the first fix", navigator.alignment_s)
                 : "it begins at the true attitude");
 }

@@ -128,13 +128,18 @@ struct ImuCounters : CounterGroup {
   // Connections to the port that were refused, because it has another peer.
   Counter connections_refused{*this, {"connections_refused", "connections refused"}};
   // Edges on the trigger and PPS pins that Sync refused.
-  Counter edges_refused{*this, {"edges_refused", "edges refused", Show::if_not_zero, Show::if_not_zero}};
-  // Fixes of the receiver, magnetic headings, barometric heights and rests that the unit's own filter used, and
-  // rejected.
+  Counter edges_refused{*this,
+                        {"edges_refused", "edges refused", Show::if_not_zero,
+                         Show::if_not_zero}};  // Fixes of the receiver, magnetic headings, headings by two antennas,
+                                               // barometric heights and rests that the unit's own
+  // filter used, and rejected.
   Counter fixes_used{*this, {"fixes_used", "fixes used"}};
   Counter fixes_rejected{*this, {"fixes_rejected", "fixes rejected", Show::if_not_zero, Show::if_not_zero}};
   Counter headings_used{*this, {"headings_used", "headings used"}};
   Counter headings_rejected{*this, {"headings_rejected", "headings rejected", Show::if_not_zero, Show::if_not_zero}};
+  Counter antenna_headings_used{*this, {"antenna_headings_used", "headings by antennas used"}};
+  Counter antenna_headings_rejected{
+      *this, {"antenna_headings_rejected", "headings by antennas rejected", Show::if_not_zero, Show::if_not_zero}};
   Counter heights_used{*this, {"heights_used", "heights used"}};
   Counter heights_rejected{*this, {"heights_rejected", "heights rejected", Show::if_not_zero, Show::if_not_zero}};
   Counter rests_used{*this, {"rests_used", "rests used"}};

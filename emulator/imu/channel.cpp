@@ -71,6 +71,7 @@ void Channel::prepare(std::optional<TruthTime> truth, bool silent) noexcept {
     store(solution->headings(), counters.headings_used, counters.headings_rejected);
     if (const Navigator* navigator = solution->navigator()) {
       store(navigator->fixes(), counters.fixes_used, counters.fixes_rejected);
+      store(navigator->antenna_headings(), counters.antenna_headings_used, counters.antenna_headings_rejected);
       store(navigator->heights(), counters.heights_used, counters.heights_rejected);
       store(navigator->rests(), counters.rests_used, counters.rests_rejected);
     }

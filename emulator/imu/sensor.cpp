@@ -26,7 +26,7 @@ Sensor::Sensor(const ImuConfig& config, std::uint64_t seed, ChannelFaults* fault
       filters_{config.model.gyro.filter, config.model.accelerometer.filter, config.model.magnetometer.filter},
       faults_(faults) {
   if (device_filters_) imu_.reserve_filters(Device::longest_boxcar);
-  if (config.navigator.is_on) solution_.emplace(config.navigator, config.model);
+  if (config.navigator.is_on) solution_.emplace(config.navigator, config.model, normals_);
   if (faults_ == nullptr) return;
   if (solution_) judge_.emplace(config.model);
   const auto utc = std::chrono::system_clock::now().time_since_epoch();
@@ -105,6 +105,7 @@ void Sensor::sense_at_rest(Nanoseconds since_power_on, std::uint64_t k) noexcept
 void Sensor::set_seed(std::uint64_t seed) noexcept {
   imu_.set_seed(seed);
   normals_.set_seed(seed);
+  if (solution_) solution_->set_seed(seed);
 }
 
 void Sensor::set_filters(const std::optional<SensorFilters>& filters) noexcept {

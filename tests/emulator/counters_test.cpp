@@ -31,7 +31,7 @@ TEST(Counters, HaveKeysOfTheirOwnAndWords) {
   std::vector<std::string> imu_keys = keys_of(imu);
   imu_keys.insert(imu_keys.end(), {"name", "line_load_percent"});
   EXPECT_EQ(truth_keys.size(), 12U + 11U + 6U);
-  EXPECT_EQ(imu_keys.size(), 32U + 2U);
+  EXPECT_EQ(imu_keys.size(), 34U + 2U);
   for (const auto& keys : {truth_keys, imu_keys, keys_of(truth.refused), keys_of(control)}) {
     EXPECT_EQ(std::set<std::string>(keys.begin(), keys.end()).size(), keys.size());
     for (const std::string& key : keys)
@@ -41,12 +41,12 @@ TEST(Counters, HaveKeysOfTheirOwnAndWords) {
   for (const CounterGroup* group :
        std::initializer_list<const CounterGroup*>{&imu, &truth, &quality, &truth.refused, &control})
     for (const Counter* counter : group->counters) words += !counter->info.words.empty();
-  EXPECT_EQ(words, 29U + 12U + 6U + 17U + 6U);
+  EXPECT_EQ(words, 31U + 12U + 6U + 17U + 6U);
 }
 
 TEST(Counters, BeginAtZero) {
   const Snapshot<ImuCounters> imu;
-  ASSERT_EQ(imu.counts.size(), 29U);
+  ASSERT_EQ(imu.counts.size(), 31U);
   EXPECT_EQ(imu.total(), 0U);
   EXPECT_EQ(Snapshot<TruthQuality>()[&TruthQuality::rate], 1.0);
   EXPECT_EQ(Snapshot<TruthQuality>()[&TruthQuality::offset_s], 0.0);

@@ -163,12 +163,36 @@ TEST_F(SummaryTest, TheJsonHasEveryFigure) {
   for (const char* key : {"received", "accepted", "refused", "no_state", "runs", "resumed", "truncated", "inserted",
                           "lost", "rate_hz", "stops", "returns", "clock_rate", "offset_us", "jitter_us", "age_us"})
     EXPECT_TRUE(all["truth"].contains(key)) << key;
-  for (const char* key : {"samples",       "frames",         "dropped",        "extrapolated",   "held",
-                          "silent",        "missed",         "skipped",        "replies",        "at_rest",
-                          "edges_refused", "fixes_used",     "fixes_rejected", "headings_used",  "headings_rejected",
-                          "lateness_us",   "write_us",       "reply_us",       "heights_used",   "heights_rejected",
-                          "rests_used",    "rests_rejected", "bus_errors",     "error_warnings", "error_passives",
-                          "bus_offs",      "bus_restarts",   "refused"})
+  for (const char* key : {"samples",
+                          "frames",
+                          "dropped",
+                          "extrapolated",
+                          "held",
+                          "silent",
+                          "missed",
+                          "skipped",
+                          "replies",
+                          "at_rest",
+                          "edges_refused",
+                          "fixes_used",
+                          "fixes_rejected",
+                          "headings_used",
+                          "headings_rejected",
+                          "lateness_us",
+                          "write_us",
+                          "reply_us",
+                          "heights_used",
+                          "heights_rejected",
+                          "antenna_headings_used",
+                          "antenna_headings_rejected",
+                          "rests_used",
+                          "rests_rejected",
+                          "bus_errors",
+                          "error_warnings",
+                          "error_passives",
+                          "bus_offs",
+                          "bus_restarts",
+                          "refused"})
     EXPECT_TRUE(all["imus"][1].contains(key)) << key;
 }
 

@@ -197,5 +197,55 @@ TEST(NavigatorAids, SlowErrorsOfTheReceiverAreConsistent) {
   EXPECT_GT(mean_squares(model, 10, 60).position, 10);
 }
 
+NavigatingUnit unit_with_antennas() {
+  NavigatingUnit model = mems_unit();
+  model.navigator.antennas_heading = 0.2 * units::degree;
+  return model;
+}
+
+// At rest, without a magnetic field and without a course, two antennas give the heading; a unit with one never
+// aligns.
+TEST(NavigatorAids, AntennasGiveTheHeading) {
+  const auto no_field = [](Sample& sample, double) { sample.magnetic_field.setZero(); };
+  int aligned = 0;
+  const auto look = [&](const Sample& sample, const Errors& errors, double t) {
+    if (!sample.navigation.is_known) return;
+    ++aligned;
+    EXPECT_LT(std::abs(errors.attitude.z()), (t > 10 ? 0.2 : 1.0) * units::degree) << t;
+    if (t < 1.5) return;
+    EXPECT_LT(static_cast<double>(sample.solution->attitude.z()), 0.2 * units::degree) << t;
+    EXPECT_TRUE(sample.solution->used & aid::antennas_heading) << t;
+  };
+  const auto end = [](const Navigator& navigator) {
+    EXPECT_NEAR(static_cast<double>(navigator.antenna_headings().used), 145, 2);
+    EXPECT_EQ(navigator.antenna_headings().rejected, 0U);
+  };
+  fly(unit_with_antennas(), 30, no_field, look, 1, in_time, stop_and_go, end);
+  EXPECT_EQ(aligned, 1451);
+  fly(mems_unit(), 30, no_field, look, 1, in_time, stop_and_go);
+  EXPECT_EQ(aligned, 1451);
+}
+
+TEST(NavigatorAids, AntennasAreConsistent) {
+  NavigatingUnit model = unit_with_antennas();
+  model.navigator.magnetic_rate_hz = 0;
+  const MeanSquares mean = mean_squares(model, 2, 30);
+  EXPECT_GT(mean.heading, 0.4);
+  EXPECT_LT(mean.heading, 1.7);
+}
+
+// Without a fix there is no heading either.
+TEST(NavigatorAids, AntennasNeedAFix) {
+  const auto outage = [](Sample& sample, double t) {
+    if (t > 5) lose_fix(sample);
+  };
+  const auto look = [](const Sample& sample, const Errors&, double t) {
+    if (t > 6) {
+      EXPECT_EQ((sample.solution->used | sample.solution->rejected) & aid::antennas_heading, 0) << t;
+    }
+  };
+  fly(unit_with_antennas(), 10, outage, look);
+}
+
 }  // namespace
 }  // namespace imud

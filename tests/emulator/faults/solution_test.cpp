@@ -120,6 +120,7 @@ TEST_F(SolutionTest, KeysAreChecked) {
   };
   EXPECT_TRUE(load("solution = \"filter\"\ngnss_rate_hz = 10\n").imus[0].navigator.is_on);
   for (const char* wrong : {"solution = \"kalman\"\n", "gnss_rate_hz = 5\n", "barometer_rate_hz = 5\n",
+                            "solution = \"filter\"\nantennas_heading_deg = 1\ngnss_rate_hz = 0\n",
                             "solution = \"filter\"\nbarometric_height_m = 0\n",
                             "solution = \"filter\"\nheading_deg = 1\n", "solution = \"filter\"\nalignment_s = 0\n"})
     EXPECT_THROW(load(wrong), ConfigError) << wrong;
