@@ -135,7 +135,7 @@ class Run {
     NavigatorModel navigator;
     navigator.kind = *solution;
     tune(navigator, model_);
-    solution_.emplace(navigator, model_);
+    solution_.emplace(navigator, model_, Normals(0, 0));
   }
 
   void over(const std::vector<Truth>& flight) {
