@@ -129,7 +129,7 @@ TEST(NavigatorAids, RestHasNoVelocity) {
   }
 }
 
-// A unit at rest has coasted for a minute, and its receiver comes back with a velocity, at a place that is rejected:
+// A unit at rest has coasted for 40 s, and its receiver comes back with a velocity, at a place that is rejected:
 // by its own solution alone it would be at rest.
 TEST(NavigatorAids, TheReceiverContradictsRest) {
   NavigatingUnit model = mems_unit();
