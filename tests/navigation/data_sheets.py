@@ -1,0 +1,117 @@
+"""Tilt, heading, velocity and position errors of units with their own filter, beside their makers' figures: a table.
+
+Units of a product, each with errors of its own, drive a road and fly a figure of eight of closed form for five
+minutes; RMS over units and time from a minute after the begin. The errors of the receiver are the product's own
+figures: a Gauss-Markov process, with white noise of half its size. The heading is by one antenna and motion, without a
+magnetometer. A figure is reached within a factor of 1.5, by both motions. Figures that no document was found to state
+are left out and counted, as are figures of two antennas and of RTK.
+
+Usage: data_sheets.py IMUD [--units N]
+"""
+import argparse
+import dataclasses
+import math
+import pathlib
+import tempfile
+
+import numpy as np
+
+from flights import FLIGHTS
+from unit_runs import AIDED, COASTING, IDEAL, STATE, errors, run, write_truth
+
+SECONDS, RATE, BATCH, FACTOR = 300, 50, 25, 1.5
+MOTIONS = ["car", "aeroplane"]
+WHAT = {"tilt": "deg", "heading": "deg", "velocity": "m/s", "horizontal position": "m", "height": "m",
+        "position after an outage of 10 s": "m", "position after an outage of 60 s": "m"}
+
+
+@dataclasses.dataclass
+class Product:
+    preset: str
+    sensors: str  # tables of the constant errors that its figures state beside the preset's
+    figures: dict  # by WHAT, RMS
+    velocity: float  # m/s, of the receiver's error in each axis
+    position: tuple  # m, horizontal (of both axes together), vertical
+
+
+ELLIPSE = """[imu.gyro]
+turn_on_bias_deg_per_s = 0.2
+unit_sigma.scale_factor_ppm = 500
+unit_sigma.misalignment_mrad = 0.87
+[imu.accelerometer]
+turn_on_bias_mg = 5
+unit_sigma.scale_factor_ppm = 1000
+unit_sigma.misalignment_mrad = 0.87
+"""
+PRODUCTS = {
+    # SBG Systems, Ellipse series leaflet: accuracy (RMS), of Ellipse-N and -D, single point; sensors.
+    "SBG Ellipse-N": Product("sbg-ellipse", ELLIPSE, {"tilt": 0.1, "heading": 0.2, "velocity": 0.03, "horizontal position": 1.2},
+                             0.03, (1.2, 1.8)),
+    # Rob Fisher, MicroStrain by HBK, in Nav2's documentation; Clearpath Robotics' page of the GQ7. The heading is of two
+    # antennas.
+    "3DM-GQ7": Product("3dm-cv7", "", {"tilt": 0.05, "horizontal position": 1.25, "height": 2.0}, 0.05, (1.25, 2.0)),
+    # The figures of a VN-200, as open-rdc/aiformula, issue 58, quotes them; those of a VN-300 were not found.
+    "VN-200": Product("vn-100", "", {"heading": 0.2, "velocity": 0.05, "horizontal position": 1.0}, 0.05, (1.0, 1.5)),
+}
+
+
+def unit(product):
+    across, down = product.position[0] * math.sqrt(0.5), product.position[1]
+    large, small = math.sqrt(0.8), math.sqrt(0.2)  # of the slow and of the white part
+    position, velocity = np.array([across, across, down]), np.full(3, product.velocity)
+    return (f'model = "{product.preset}"\n{product.sensors}[imu.navigation]\nsolution = "filter"\nmagnetic_rate_hz = 0\n'
+            f"position_m = {list(map(float, large * position))}\nposition_noise_m = {list(map(float, small * position))}\n"
+            f"position_correlation_s = 60\nvelocity_m_per_s = {list(map(float, large * velocity))}\n"
+            f"velocity_noise_m_per_s = {list(map(float, small * velocity))}\nvelocity_correlation_s = 10\n")
+
+
+def rms(x):
+    return float(np.sqrt((x**2).mean()))
+
+
+def sizes(error):
+    """The RMS of each of WHAT that needs no outage."""
+    return {"tilt": math.degrees(rms(error[..., :2])), "heading": math.degrees(rms(error[..., 2])),
+            "velocity": rms(error[..., 3:6]), "horizontal position": math.sqrt(2) * rms(error[..., 6:8]),
+            "height": rms(error[..., 8])}
+
+
+def measured(imud, folder, flight, truth, product, units):
+    judged = []
+    for first in range(0, units, BATCH):
+        texts = [f'name = "unit{first + i}"\n{unit(product)}' for i in range(min(BATCH, units - first))]
+        sent = run(imud, folder, flight, texts, RATE)
+        assert np.isin(sent[:, 60 * RATE:, STATE], (COASTING, AIDED)).all(), "not aligned"
+        judged.append(errors(sent, truth)[:, 60 * RATE::RATE])
+    return sizes(np.concatenate(judged))
+
+
+def main():
+    parser = argparse.ArgumentParser()
+    parser.add_argument("imud")
+    parser.add_argument("--units", type=int, default=200)
+    options = parser.parse_args()
+    all_sizes = {of: [] for of in PRODUCTS}
+    for flight in MOTIONS:
+        with tempfile.TemporaryDirectory() as name:
+            folder = pathlib.Path(name)
+            write_truth(folder / "truth.csv", FLIGHTS[flight], SECONDS, RATE)
+            truth = run(options.imud, folder, FLIGHTS[flight], [IDEAL], RATE)
+            for of, product in PRODUCTS.items():
+                all_sizes[of].append(measured(options.imud, folder, FLIGHTS[flight], truth, product, options.units))
+    print(f"| product | figure | its maker's | {' | '.join(MOTIONS)} | ratios |\n|---|---|---|" + "---|" * (len(MOTIONS) + 1))
+    reached = stated = 0
+    for of, product in PRODUCTS.items():
+        for what, figure in product.figures.items():
+            values = [size[what] for size in all_sizes[of]]
+            ratios = [value / figure for value in values]
+            stated += 1
+            reached += all(1 / FACTOR <= ratio <= FACTOR for ratio in ratios)
+            print(f"| {of} | {what} | {figure:g} {WHAT[what]} | " + " | ".join(f"{value:.2g}" for value in values) +
+                  f" | {', '.join(f'{ratio:.2f}' for ratio in ratios)} |")
+    print(f"\n{options.units} units: {reached} of {stated} figures within a factor of {FACTOR}; "
+          f"{len(WHAT) * len(PRODUCTS) - stated} others are stated by no document that was found, or are not of one antenna")
+
+
+if __name__ == "__main__":
+    main()
