@@ -81,6 +81,28 @@ StillRecording EmulatedRun::truth() {
   return record(config);
 }
 
+std::vector<SolutionRow> EmulatedRun::solution(std::uint64_t seed) {
+  Config config = config_;
+  config.seed = seed;
+  return solutions(config);
+}
+
+std::vector<SolutionRow> EmulatedRun::true_solution() {
+  Config config = config_;
+  config.faults.clear();
+  config.imus.front() = ideal(config.imus.front());
+  return solutions(config);
+}
+
+std::vector<SolutionRow> EmulatedRun::solutions(const Config& config) {
+  Config with_rows = config;
+  with_rows.imus.front() = with_solution_rows(config.imus.front());
+  std::vector<SolutionRow> rows;
+  replay_.run(with_rows,
+              [&](const PortUse&) { return solution_port([&](const SolutionRow& row) { rows.push_back(row); }); });
+  return rows;
+}
+
 StillRecording EmulatedRun::record(const Config& config) {
   const ImuConfig& imu = config.imus.front();
   RecordingOptions options;

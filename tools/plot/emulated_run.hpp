@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "tools/allan/still_recording.hpp"
+#include "tools/plot/solution_rows.hpp"
 #include "tools/replay/replay.hpp"
 
 namespace imud {
@@ -34,8 +35,12 @@ class EmulatedRun {
   // reports warnings and remarks on standard error.
   StillRecording sent(std::uint64_t seed);
   StillRecording truth();
+  // Return the solution of each sample, with this seed and with the faults of the configuration, and the true one.
+  std::vector<SolutionRow> solution(std::uint64_t seed);
+  std::vector<SolutionRow> true_solution();
 
  private:
+  std::vector<SolutionRow> solutions(const Config& config);
   StillRecording record(const Config& config);
 
   Options options_;
