@@ -17,6 +17,7 @@
 #include "tools/plot/emulated_run.hpp"
 #include "tools/plot/run_errors.hpp"
 #include "tools/plot/run_plot.hpp"
+#include "tools/plot/solution_track.hpp"
 #include "tools/program.hpp"
 #include "tools/text_output.hpp"
 #include "transports/file/files_in_use.hpp"
@@ -26,7 +27,7 @@ namespace {
 
 struct Options {
   EmulatedRun::Options run;
-  std::string picture;
+  std::string picture, solution_picture;
   std::uint64_t seeds = 16;
 };
 
@@ -67,13 +68,41 @@ class Progress {
   std::chrono::steady_clock::time_point reported_;
 };
 
+// Draws the solution of the unit's own filter in the run with the configured seed, and prints the sizes of its
+// errors.
+void plot_solution(const Options& options, EmulatedRun& run) {
+  const SolutionTrack track = compare_solutions(run.solution(run.seed()), run.true_solution());
+  const std::string data_path = data_path_beside(options.solution_picture);
+  write_file(data_path, track_csv(track));
+  run_gnuplot(track_plot_commands(track, data_path, options.solution_picture));
+  for (const auto& channel : track.channels) {
+    std::vector<double> errors;
+    std::size_t within = 0;
+    for (std::size_t i = 0; i < track.samples(); ++i) {
+      if (std::isnan(channel.error[i])) continue;
+      errors.push_back(channel.error[i]);
+      within += std::abs(channel.error[i]) <= channel.sigma[i] ? 1U : 0U;
+    }
+    if (errors.empty()) continue;
+    fmt::print("{:<14} error rms {:.4g} {}, {:.0f} % of it within the reported sigma\n", channel.error_name,
+               root_mean_square(errors), channel.unit,
+               100 * static_cast<double>(within) / static_cast<double>(errors.size()));
+  }
+}
+
 void plot(const Options& options, bool& running) {
   check_plot(options.picture);
+  if (!options.solution_picture.empty()) check_plot(options.solution_picture);
   const std::string samples_path = data_path_beside(options.picture);
   const std::string spectrum_path = samples_path.substr(0, samples_path.size() - 4) + "_spectrum.csv";
   FilesInUse files;
   for (const std::string& input : {options.run.config, options.run.capture}) files.add_input(input, "the input");
-  for (const std::string& path : {options.picture, samples_path, spectrum_path})
+  std::vector<std::string> outputs = {options.picture, samples_path, spectrum_path};
+  if (!options.solution_picture.empty()) {
+    outputs.insert(outputs.end(), {options.solution_picture, data_path_beside(options.solution_picture)});
+    check_data_path(outputs.back(), "time_s,");
+  }
+  for (const std::string& path : outputs)
     if (const std::string fault = files.claim(path, "the picture"); !fault.empty())
       throw std::invalid_argument(fault);
   check_data_path(samples_path, "time_s,");
@@ -96,6 +125,7 @@ void plot(const Options& options, bool& running) {
   fmt::print("{}: {} samples at {:.6g} Hz, and {} other seeds\n", run.name(), errors.samples(), errors.rate_hz,
              options.seeds);
   print_table(errors);
+  if (!options.solution_picture.empty()) plot_solution(options, run);
 }
 
 int execute(int argc, char** argv, bool& running) {
@@ -111,6 +141,10 @@ int execute(int argc, char** argv, bool& running) {
   add(app, "--plot", options.picture, "FILE.svg|FILE.png",
       "picture; the data stand beside it, as FILE.plot.csv and FILE.plot_spectrum.csv")
       ->required();
+  add(app, "--solution", options.solution_picture, "FILE.svg|FILE.png",
+      "another picture: the solution of the unit's own filter over the truth, its errors over the standard "
+      "deviations\n"
+      "that it reports, and the aids that it used and rejected; the data stand beside it");
   add(app, "--imu", options.run.imu, "NAME", "name of the imu; default: the first");
   add(app, "--set", options.run.overrides, "KEY=VALUE", "overrides a key of the configuration; may be repeated")
       ->allow_extra_args(false);

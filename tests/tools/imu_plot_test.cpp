@@ -162,6 +162,50 @@ TEST_F(ImuPlot, DrawsARunItsErrorsAndTheirSpectrum) {
   EXPECT_NEAR(std::sqrt(square), std::sqrt(2.0) * 0.01 * units::degree, 0.15 * 0.01 * units::degree);
 }
 
+// The solution of a filter whose receiver jumps by 20 m from 5 s to 8 s, and accepts it after a second.
+TEST_F(ImuPlot, DrawsTheSolutionOfAFilter) {
+  const std::string unit =
+      "port = \"pty:imu1\"\nprotocol = \"native\"\nrate_hz = 100\nmodel = \"vn-100\"\n[imu.magnetometer]\nmodel = "
+      "\"rm3100\"\n[imu.navigation]\nposition_noise_m = 1\nvelocity_noise_m_per_s = 0.05\n";
+  const std::string jump =
+      "[earth]\nframe = \"inertial\"\n[[fault]]\ntarget = \"gnss\"\nkind = \"jump\"\nnorth_m = 20\nat_s = 5\nfor_s = "
+      "3\n";
+  const std::vector<std::string> more = {"--solution", folder_ / "solution.svg", "--seeds", "2"};
+  write_config(unit + jump);
+  const auto none = plot("run.svg", more);
+  EXPECT_EQ(none.exit_code, 1);
+  EXPECT_TRUE(contains(none.errors, "[imu.navigation] solution = \"filter\"")) << none.errors;
+  write_config(unit + "solution = \"filter\"\naccept_after_s = 1\n" + jump);
+  const auto result = plot("run.svg", more);
+  ASSERT_EQ(result.exit_code, 0) << result.errors;
+  EXPECT_TRUE(contains(result.output, "\nabout_down     error rms ")) << result.output;
+  for (const char* text : {"</svg>", "error about_north, deg", "1 sigma, as reported", "magnetic_heading"})
+    EXPECT_TRUE(contains(content("solution.svg"), text)) << text;
+  const auto rows = columns("solution.plot.csv");
+  ASSERT_EQ(rows.size(), 42U);
+  ASSERT_EQ(rows.at("time_s").size(), 1001U);
+  for (std::size_t i = 0; i < 1001; i += 25) {
+    SCOPED_TRACE(i);
+    const bool is_aligned = i >= 100, has_jumped = i >= 620 && i<800, is_before = i> 300 && i < 500;
+    EXPECT_EQ(std::isnan(rows.at("north")[i]), !is_aligned);
+    EXPECT_EQ(std::isnan(rows.at("about_down_sigma")[i]), !is_aligned);
+    if (!is_aligned) continue;
+    EXPECT_NEAR(rows.at("north")[i] - rows.at("north_truth")[i], rows.at("north_error")[i], 0.01);
+    EXPECT_LT(std::abs(rows.at("roll")[i] - rows.at("roll_truth")[i]), 2);
+    EXPECT_GT(rows.at("velocity_down_sigma")[i], 0.001);
+    if (is_before) {
+      EXPECT_LT(std::abs(rows.at("north_error")[i]), 3);
+      EXPECT_LT(rows.at("normalized_square")[i], 5);
+      EXPECT_EQ(rows.at("gnss_position")[i], 1);
+    } else if (has_jumped) {
+      EXPECT_NEAR(rows.at("north_error")[i], 20, 3);
+      EXPECT_GT(rows.at("normalized_square")[i], 10);
+    }
+  }
+  EXPECT_EQ(rows.at("gnss_position")[550], -1);
+  EXPECT_EQ(rows.at("magnetic_heading")[550], 1);
+}
+
 // Products of both links, one with lists as settings: the same errors, through their bytes.
 TEST_F(ImuPlot, DecodesProductsOfBothLinks) {
   for (const std::string device :
