@@ -42,9 +42,10 @@ std::vector<std::string> unread_ports(Engine& engine, const Config& config) {
   return unread;
 }
 
-// Sends a state to the service manager's datagram socket, as sd_notify(3) specifies; `@` begins an abstract address.
-// Not by libsystemd, whose libraries every start of imud would load.
-void notify(std::string_view state) {
+}  // namespace
+
+// `@` begins an abstract address. Not by libsystemd, whose libraries every start of imud would load.
+void notify_manager(std::string_view state) {
   const char* const path = std::getenv("NOTIFY_SOCKET");
   sockaddr_un address{.sun_family = AF_UNIX, .sun_path = {}};
   if (path == nullptr || (path[0] != '/' && path[0] != '@') || std::strlen(path) >= sizeof address.sun_path) return;
@@ -55,13 +56,11 @@ void notify(std::string_view state) {
   ::sendto(socket.get(), state.data(), state.size(), MSG_NOSIGNAL, reinterpret_cast<const sockaddr*>(&address), size);
 }
 
-}  // namespace
-
 void report_ready(const ChosenPorts& chosen, std::optional<int> ready_fd) {
   std::string ports;
   for (const auto& [key, port] : chosen) ports += fmt::format(", {} is {}", key, port);
   spdlog::info("ready{}", ports);
-  notify("READY=1");
+  notify_manager("READY=1");
   if (!ready_fd) return;
   const FileDescriptor descriptor(*ready_fd);
   constexpr std::string_view ready = "ready\n";
@@ -69,7 +68,7 @@ void report_ready(const ChosenPorts& chosen, std::optional<int> ready_fd) {
     spdlog::warn("--ready-fd {}: cannot be written: {}", *ready_fd, strerrordesc_np(errno));
 }
 
-void report_stopping() { notify("STOPPING=1"); }
+void report_stopping() { notify_manager("STOPPING=1"); }
 
 void wait_for_readers(Engine& engine, const Config& config, boost::asio::io_context& io,
                       const std::function<bool()>& stopped) {

@@ -4,6 +4,7 @@
 #include <boost/asio/io_context.hpp>
 #include <functional>
 #include <optional>
+#include <string_view>
 
 #include "emulator/engine/closing.hpp"
 #include "emulator/plan/config.hpp"
@@ -14,6 +15,10 @@ namespace imud {
 // the system has chosen; by READY=1 to the service manager (sd_notify(3)); and by "ready\n" to the descriptor
 // `ready_fd`, which is then closed.
 void report_ready(const ChosenPorts& chosen, std::optional<int> ready_fd);
+
+// Sends a state, such as "WATCHDOG=1", to the service manager's socket, as sd_notify(3) specifies; without one does
+// nothing.
+void notify_manager(std::string_view state);
 
 // Reports to the service manager that the run ends.
 void report_stopping();

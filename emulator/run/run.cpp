@@ -29,6 +29,7 @@
 #include "emulator/ground/text_file.hpp"
 #include "emulator/record/recorder.hpp"
 #include "emulator/run/readiness.hpp"
+#include "emulator/run/watchdog.hpp"
 #include "emulator/web/metrics.hpp"
 #include "emulator/web/web_server.hpp"
 #include "transports/file/output_path.hpp"
@@ -57,8 +58,9 @@ class Ticker {
 };
 
 // The work of the sampling thread. Returns false if a reader has not read everything.
-bool drive(Assembly& assembly, const Config& config, const RunOptions& options, const std::atomic<bool>& stop) {
-  MonotonicHost host;
+bool drive(Assembly& assembly, const Config& config, const RunOptions& options, const std::atomic<bool>& stop,
+           std::atomic<std::uint64_t>& host_uses) {
+  CountingHost host(host_uses);
   const bool realtime = config.clock == ClockMode::realtime;
   if (realtime)
     for (const std::string& shortfall : make_thread_realtime(config.realtime)) spdlog::warn("{}", shortfall);
@@ -187,7 +189,9 @@ int run(const Config& config, const RunOptions& options) {
     return all;
   };
   const ChosenPorts chosen = chosen_ports();
+  std::atomic<std::uint64_t> host_uses = 0;
   report_ready(chosen, options.ready_fd);
+  const Watchdog watchdog(io, host_uses, config.clock == ClockMode::fast);
   if (options.wait_for_reader) wait_for_readers(engine, config, io, [&] { return stop.load(); });
   Config named = config;  // as the log shall name its ports
   for (const auto& [key, port] : chosen)
@@ -261,7 +265,7 @@ int run(const Config& config, const RunOptions& options) {
   bool all_read = true;
   std::thread worker([&] {
     try {
-      all_read = drive(assembly, config, options, stop);
+      all_read = drive(assembly, config, options, stop, host_uses);
     } catch (...) {
       failure = std::current_exception();
     }

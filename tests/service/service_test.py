@@ -4,6 +4,7 @@ usage: service_test.py BUILD_FOLDER SOURCE_FOLDER
 
 What a cgroup, a namespace or a capability does is not tested here: `tools/packaging/check` has systemd verify the unit.
 """
+import ctypes
 import os
 import pathlib
 import re
@@ -13,11 +14,15 @@ import socket
 import subprocess
 import sys
 import tempfile
+import time
 import unittest
 
 BUILD, SOURCE = (pathlib.Path(argument).resolve() for argument in (sys.argv.pop(1), sys.argv.pop(1)))
 SYSTEM = SOURCE / "tools/packaging/system"
 UNIT = (SYSTEM / "imud@.service").read_text()
+
+PTRACE_SEIZE, PTRACE_INTERRUPT = 0x4206, 0x4207
+WAIT_FOR_ANY_THREAD = 0x40000000  # __WALL
 
 CONFIGURATION = """[truth]
 port = "udp:127.0.0.1:0"
@@ -36,6 +41,8 @@ def setting(name):
 
 
 class ServiceTest(unittest.TestCase):
+    watchdog = {}
+
     def setUp(self):
         folder = tempfile.TemporaryDirectory()
         self.addCleanup(folder.cleanup)
@@ -55,10 +62,10 @@ class ServiceTest(unittest.TestCase):
         return [str(BUILD / words[0]), *words[1:]]
 
     def environment(self):
-        return {"RUNTIME_DIRECTORY": str(self.folder / "run"), "NOTIFY_SOCKET": str(self.folder / "notify"), "PATH": "/usr/bin:/bin"}
+        return {**self.watchdog, "RUNTIME_DIRECTORY": str(self.folder / "run"), "NOTIFY_SOCKET": str(self.folder / "notify"), "PATH": "/usr/bin:/bin"}
 
-    def start(self, instance="bench"):
-        run = subprocess.Popen(self.command("ExecStart", instance), env=self.environment(), stdout=subprocess.PIPE,
+    def start(self, instance="bench", options=()):
+        run = subprocess.Popen([*self.command("ExecStart", instance), *options], env=self.environment(), stdout=subprocess.PIPE,
                                stderr=subprocess.STDOUT, text=True)
         self.addCleanup(lambda: (run.kill(), run.communicate()) if run.poll() is None else None)
         return run
@@ -138,6 +145,75 @@ class ServiceTest(unittest.TestCase):
         self.assertEqual(self.reload().returncode, 0)
         again.terminate()
         again.communicate()
+
+    def pings(self, count):
+        for _ in range(count):
+            self.assertEqual(self.notification(), "WATCHDOG=1")
+
+    def standing_still(self, run, name):
+        """Stops the thread of this name alone, as a debugger does; returns its number. By this thread, until it ends."""
+        libc = ctypes.CDLL(None, use_errno=True)
+        tasks = pathlib.Path(f"/proc/{run.pid}/task")
+        threads = [int(task.name) for task in tasks.iterdir() if (int(task.name) != run.pid) == (name == "sampling")]
+        self.assertEqual(len(threads), 1)
+        for request in (PTRACE_SEIZE, PTRACE_INTERRUPT):
+            self.assertEqual(libc.ptrace(request, threads[0], None, None), 0, os.strerror(ctypes.get_errno()))
+        while "State:\tt" not in (tasks / f"{threads[0]}/status").read_text():
+            time.sleep(0.01)
+        self.addCleanup(self.end_stopped, run, threads[0])
+        return threads[0]
+
+    def end_stopped(self, run, thread):
+        if run.returncode is not None:
+            return
+        os.kill(run.pid, signal.SIGKILL)  # Popen.kill() takes the stop for the end
+        # The debugger of the thread has to take note of its stop and of its end.
+        while os.WIFSTOPPED(os.waitpid(thread, WAIT_FOR_ANY_THREAD)[1]):
+            pass
+        run.communicate()
+
+    def test_watchdog_is_notified_while_the_run_waits(self):
+        """In real time before the first truth, in lockstep without truth, and while a reader is awaited."""
+        self.assertIsNotNone(setting("WatchdogSec"))
+        self.watchdog = {"WATCHDOG_USEC": "400000"}
+        self.write(0.01)
+        path = self.folder / "etc/bench.toml"
+        text = path.read_text()
+        for changed, options in ((text, []), ('clock = "lockstep"\n' + text, []),
+                                 (text.replace("file:/dev/null", f"pty:{self.folder}/imu"), ["--wait-for-reader"])):
+            path.write_text(changed)
+            run = self.start(options=options)
+            self.assertEqual(self.notification(), "READY=1")
+            self.pings(12)
+            run.terminate()
+            run.communicate()
+            while self.notification() != "STOPPING=1":
+                pass
+
+    def test_watchdog_of_another_process_or_none(self):
+        self.write(0.01)
+        for self.watchdog in ({}, {"WATCHDOG_USEC": "1000", "WATCHDOG_PID": "1"}, {"WATCHDOG_USEC": "much"}):
+            run = self.start()
+            self.assertEqual(self.notification(), "READY=1")
+            self.assertEqual(self.reload().returncode, 0)
+            run.terminate()
+            self.assertEqual(self.notification(), "STOPPING=1")
+            run.communicate()
+
+    def test_watchdog_fires_if_a_thread_stands_still(self):
+        for name in ("sampling", "main"):
+            self.watchdog = {"WATCHDOG_USEC": "400000"}
+            self.write(0.01)
+            run = self.start()
+            self.assertEqual(self.notification(), "READY=1")
+            self.pings(3)
+            thread = self.standing_still(run, name)
+            # Those that were under way come; then, for longer than the manager waits, none.
+            self.notified.settimeout(2)
+            with self.assertRaises(TimeoutError):
+                self.pings(5)
+            self.notified.settimeout(60)
+            self.end_stopped(run, thread)
 
     def test_the_user_of_the_unit_is_made(self):
         made = re.findall(r"^u (\S+) ", (SYSTEM / "sysusers.conf").read_text(), re.MULTILINE)

@@ -1,0 +1,59 @@
+// Watchdog: the service manager's, which ends a run whose sampling thread stands still.
+#pragma once
+
+#include <atomic>
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/steady_timer.hpp>
+#include <chrono>
+#include <cstdint>
+#include <optional>
+
+#include "emulator/ground/host.hpp"
+
+namespace imud {
+
+// The real host, which counts how often it is asked. The thread that samples asks it at least every 20 ms, also while
+// it waits: in lockstep without truth, in silence, or for the reader of a pipe.
+class CountingHost final : public Host {
+ public:
+  // Must be made by the thread that will wait, as MonotonicHost. `uses` has no other writer, and outlives this.
+  explicit CountingHost(std::atomic<std::uint64_t>& uses) noexcept : uses_(uses) {}
+  HostTime now() noexcept override { return counted().now(); }
+  HostTime sleep_until(HostTime time, Nanoseconds spin) noexcept override {
+    return counted().sleep_until(time, spin);
+  }
+  void reserve_inputs(std::size_t count) override { host_.reserve_inputs(count); }
+  void watch(std::size_t input, int descriptor, short events, bool again) noexcept override {
+    host_.watch(input, descriptor, events, again);
+  }
+  std::span<const Ready> wait_for_input(HostTime time) noexcept override { return counted().wait_for_input(time); }
+
+ private:
+  MonotonicHost& counted() noexcept {
+    uses_.store(uses_.load(std::memory_order_relaxed) + 1, std::memory_order_relaxed);
+    return host_;
+  }
+
+  std::atomic<std::uint64_t>& uses_;
+  MonotonicHost host_;
+};
+
+// Sends WATCHDOG=1 to the service manager four times in the time that it allows (WATCHDOG_USEC,
+// sd_watchdog_enabled(3)), while `uses` changes. Before the first use it waits for nothing: the run waits for the
+// readers of its ptys. Does nothing if no manager asks for it. Used by the thread that runs `io`.
+class Watchdog {
+ public:
+  // `is_always`: also sends while `uses` stands still. A run as fast as possible asks its host only when it waits.
+  Watchdog(boost::asio::io_context& io, const std::atomic<std::uint64_t>& uses, bool is_always);
+
+ private:
+  void tick();
+
+  boost::asio::steady_timer timer_;
+  const std::atomic<std::uint64_t>& uses_;
+  const bool is_always_;
+  std::chrono::microseconds interval_{0};
+  std::uint64_t seen_ = 0;
+};
+
+}  // namespace imud
