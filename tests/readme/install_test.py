@@ -102,6 +102,14 @@ class InstallTest(unittest.TestCase):
             runs = path.parent.name == "bin" or path.read_bytes()[:2] == b"#!"
             self.assertEqual(oct(mode), oct(0o755 if runs else 0o644), path)
 
+    def test_one_version(self):
+        """The build, the packages and the Python package have the same."""
+        stated = subprocess.run([self.prefix / "bin/imud", "--version"], capture_output=True, text=True, check=True).stdout.split()[1]
+        changelog = (SOURCE / "tools/packaging/debian/changelog").read_text()
+        project = (SOURCE / "tools/python/pyproject.toml").read_text()
+        self.assertEqual(re.match(r"imud \((.*?)\)", changelog).group(1), stated)
+        self.assertEqual(re.search(r'^version = "(.*)"$', project, re.MULTILINE).group(1), stated)
+
     def test_headers_are_for_users(self):
         """The clients are complete in themselves; the other headers are pages of documentation, which a text names."""
         self.assertEqual({path.name for path in (self.prefix / "include").rglob("*") if path.is_file()},

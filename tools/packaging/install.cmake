@@ -73,3 +73,9 @@ endforeach()
 install(FILES ${packaging}/system/udev.rules DESTINATION lib/udev/rules.d RENAME 60-imud.rules COMPONENT imud)
 install(FILES ${packaging}/system/limits.conf DESTINATION ${CMAKE_INSTALL_SYSCONFDIR}/security/limits.d RENAME imud.conf
   COMPONENT imud)
+
+# Not tests: packages of this build, examined by lintian, in packages/; whether two builds give the
+# same; and what a bare Debian does with them, as root.
+add_custom_target(packages COMMAND ${packaging}/build-packages ${CMAKE_BINARY_DIR} DEPENDS documents USES_TERMINAL VERBATIM)
+add_custom_target(reproduce COMMAND ${packaging}/reproduce ${CMAKE_BINARY_DIR}/reproduce USES_TERMINAL VERBATIM)
+add_custom_target(check_packages COMMAND ${packaging}/check-packages ${CMAKE_BINARY_DIR}/packages USES_TERMINAL VERBATIM)
