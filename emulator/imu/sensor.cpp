@@ -68,7 +68,7 @@ void Sensor::sense(const Timeline& timeline, TruthTime time, std::uint64_t k) no
 [[gnu::noinline]] void Sensor::navigate(const Timeline& timeline, TruthTime time) noexcept {
   const TruthTime measured = time - sampling_delay_;
   const PositionVelocity position = timeline.position(measured);
-  const bool is_judged = judge_ && faults_->may_act();
+  const bool is_judged = judge_ && faults_ != nullptr && faults_->may_act();
   if (is_judged) judge_->keep(sample_, position, imu_.true_rate());
   solution_->take(sample_, measured, position.earth_angle);
   if (is_judged) faults_->schedule().judge(judge_->errors(sample_));
@@ -100,6 +100,15 @@ void Sensor::sense_at_rest(Nanoseconds since_power_on, std::uint64_t k) noexcept
   // A clock that has power counts from 0.
   const std::int64_t least = sample_.time.ns < 0 ? INT32_MIN : std::max<std::int64_t>(INT32_MIN, -sample_.time.ns);
   sample_.stamp_error_ns = std::max(stamp_error_.at(normals_, sample_.counter), static_cast<std::int32_t>(least));
+}
+
+void Sensor::restart() noexcept {
+  imu_.power_on(++power_ons_);
+  if (!solution_) return;
+  solution_->restart();
+  if (!sample_.solution) return;
+  sample_.navigation = sample_.fix();  // the last sample is the first that the unit sends: it has no solution yet
+  solution_->take_at_rest(sample_);
 }
 
 void Sensor::set_seed(std::uint64_t seed) noexcept {

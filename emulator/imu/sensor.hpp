@@ -53,10 +53,7 @@ class Sensor {
   // Replaces the seed, as Imu::set_seed() does.
   void set_seed(std::uint64_t seed) noexcept;
   // The next sample has the turn-on errors of another start.
-  void restart() noexcept {
-    imu_.power_on(++power_ons_);
-    if (solution_) solution_->restart();
-  }
+  void restart() noexcept;
   // Filters as the device's settings have them. Without effect unless the product has such settings.
   void set_filters(const std::optional<SensorFilters>& filters) noexcept;
   // Exchanges the model for a reload's, which goes on where the old one was (Imu::continue_from()).
