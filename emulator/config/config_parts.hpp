@@ -114,6 +114,10 @@ void read_instants(TableReader& table, ImuConfig& imu);
 // Reads [imu.clock].
 OscillatorModel read_oscillator(TableReader table);
 
+// Returns whether `port` is the record of a run whose resolved configuration lacks this text: what was not chosen
+// then is not chosen now, so that a run is repeated as it was (fit_config.cpp).
+bool was_recorded_without(const std::string& port, std::string_view text);
+
 // Reads the [[imu]] of that index, after [truth] and [earth] (imu_config.cpp).
 ImuConfig read_imu(TableReader& table, std::size_t index, const TruthConfig& truth);
 // Adds a fault for each two imus that exclude one another, such as imus of the same name or port, and for each imu

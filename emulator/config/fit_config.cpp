@@ -43,18 +43,18 @@ std::string text(const GravitationModel& gravitation) {
   }
 }
 
-// Returns whether `port` is the record of a run whose window was not chosen: a run is repeated as it was.
-bool was_recorded_otherwise(const std::string& port) {
-  if (transport_of(port)->is_record == nullptr) return false;
+}  // namespace
+
+bool was_recorded_without(const std::string& port, std::string_view text) {
+  const Transport* transport = transport_of(port);
+  if (transport == nullptr || transport->is_record == nullptr) return false;
   try {
     const auto recorded = recorded_config(PortSpec::parse(port).address);
-    return !recorded || recorded->find("\nfit_delay_ms = \"auto\"") == std::string::npos;
+    return !recorded || recorded->find(text) == std::string::npos;
   } catch (const PortError&) {
     return true;
   }
 }
-
-}  // namespace
 
 void read_fit(TableReader& table, ClockMode clock, TruthConfig& truth) {
   // In lockstep the simulator waits for the answer to each truth. A derived quantity would delay the answer until the
@@ -88,7 +88,8 @@ void read_fit(TableReader& table, ClockMode clock, TruthConfig& truth) {
   truth.ignores_force = !force;
   const bool derives = fit.rate != Source::given || fit.specific_force != Source::given;
   // The choice uses truths of a second ahead, which costs a capture nothing.
-  const bool is_chosen_by_default = derives && is_capture(truth.port) && !was_recorded_otherwise(truth.port);
+  const bool is_chosen_by_default =
+      derives && is_capture(truth.port) && !was_recorded_without(truth.port, "\nfit_delay_ms = \"auto\"");
   if (is_text(table, "fit_delay_ms") || (!table.has("fit_delay_ms") && is_chosen_by_default)) {
     fit.widest = 8;
     if (table.text("fit_delay_ms", "auto") != "auto")

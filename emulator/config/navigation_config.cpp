@@ -57,17 +57,19 @@ void check_places(TableReader& table, const std::optional<bool>& has_places) {
                 "earth.frame = \"local\" with latitude_deg and longitude_deg, or \"inertial\"");
 }
 
-// A filter of attitude alone levels by the specific force, in which gravity's reaction must be. Returns why it is
+// A filter levels by the specific force, in which gravity's reaction must be. Returns why it is
 // not; empty: it is.
 std::string_view weightless(const TruthConfig& truth) {
   if (truth.ignores_force)
-    return "\"attitude\" levels by the specific force, which truth.specific_force = \"none\" leaves 0; give \"auto\"";
+    return "the unit's filter levels by the specific force, which truth.specific_force = \"none\" leaves 0; give "
+           "\"auto\"";
   using Gravity = GravitationModel::Kind;
   const GravitationModel& gravitation = truth.gravitation;
   const bool is_off =
       gravitation.kind == Gravity::none || (gravitation.kind == Gravity::constant && gravitation.constant == 0);
   if (is_off && truth.fit && truth.fit->specific_force != PoseFit::Source::given)
-    return "\"attitude\" levels by gravity, which a derived specific force has only if truth.gravity takes it away; "
+    return "the unit's filter levels by gravity, which a derived specific force has only if truth.gravity takes it "
+           "away; "
            "give truth.gravity = \"auto\", or gravity_m_per_s2, or send the specific force with "
            "truth.specific_force = \"given\"";
   return {};
@@ -80,14 +82,16 @@ void check_weight(TableReader& table, const TruthConfig& truth) {
 using Kind = NavigatorModel::Kind;
 
 // A product with the errors of a preset computes its solution where the truth has places, of which receiver and
-// magnetometer measure, unless the attitude's errors are given, which a filter does not take.
+// magnetometer measure, and weight, unless the attitude's errors are given, which a filter does not take. A record of
+// a run without such a choice is repeated as it was.
 std::optional<Kind> default_solution(TableReader& table, const TruthConfig& truth, const ImuConfig& imu) {
   if (imu.protocol == nullptr || imu.protocol->solves == nullptr || find_preset(imu.errors_model) == nullptr ||
-      !has_places(truth).value_or(false) || table.has("roll_pitch_deg") || table.has("heading_deg"))
+      !has_places(truth).value_or(false) || !weightless(truth).empty() || table.has("roll_pitch_deg") ||
+      table.has("heading_deg") || was_recorded_without(truth.port, "solution = "))
     return std::nullopt;
   const Solves solves = imu.protocol->solves(imu.settings);
   if (solves == Solves::place) return Kind::inertial;
-  return solves == Solves::attitude && weightless(truth).empty() ? std::optional(Kind::attitude) : std::nullopt;
+  return solves == Solves::attitude ? std::optional(Kind::attitude) : std::nullopt;
 }
 
 // The keys of the unit's own filter. Where no accuracies are stated, the receiver is under an open sky.
@@ -144,7 +148,8 @@ void read_navigator(TableReader& table, const TruthConfig& truth, ImuConfig& imu
   navigator.quiet_acceleration =
       number("quiet_m_per_s2", navigator.quiet_acceleration, 1e-4, 100, is_attitude, "\"attitude\"");
   if (!navigator.is_on) return;
-  is_attitude ? check_weight(table, truth) : check_places(table, places);
+  if (navigator.alignment == Alignment::coarse) check_weight(table, truth);
+  if (is_inertial) check_places(table, places);
   const NavigationErrors& errors = model.navigation;
   if (!errors.attitude.isZero(0.0))
     table.fault(errors.attitude.x() > 0 ? "roll_pitch_deg" : "heading_deg",

@@ -133,8 +133,9 @@ TEST_F(SolutionTest, KeysAreChecked) {
 // given errors of the attitude.
 TEST_F(SolutionTest, IsTheUnitsOwnByDefault) {
   using Kind = NavigatorModel::Kind;
-  const auto solution_of = [&](const char* earth, const std::string& protocol, const std::string& keys) {
-    const Config config = load_config(write("default.toml", config_text(earth, protocol, 1, keys)));
+  const auto solution_of = [&](const char* earth, const std::string& protocol, const std::string& keys,
+                               const char* truth = "") {
+    const Config config = load_config(write("default.toml", config_text(earth, protocol, 1, keys, truth)));
     const NavigatorModel& navigator = config.imus[0].navigator;
     return navigator.is_on ? std::optional(navigator.kind) : std::nullopt;
   };
@@ -151,6 +152,7 @@ TEST_F(SolutionTest, IsTheUnitsOwnByDefault) {
     EXPECT_EQ(solution_of(inertial, unit.protocol, model), unit.kind) << unit.model;
     EXPECT_EQ(solution_of("", unit.protocol, model), unit.kind) << unit.model << ": JSBSim's truth has places";
     EXPECT_FALSE(solution_of(nowhere, unit.protocol, model)) << unit.model;
+    EXPECT_FALSE(solution_of(inertial, unit.protocol, model, "specific_force = \"none\"\n")) << unit.model;
     for (const char* keys : {"model = \"ideal\"\n", "model = \"white\"\n", "navigation.heading_deg = 1\n",
                              "navigation.roll_pitch_deg = 1\n", "navigation.solution = \"truth\"\n"})
       EXPECT_FALSE(solution_of(inertial, unit.protocol, model + keys)) << unit.model << ": " << keys;
