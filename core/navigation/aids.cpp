@@ -55,7 +55,8 @@ void Navigator::use_fix(const Sample& sample, const At& at) noexcept {
       .innovation = axes * (measured.r_N - r_N + early_s * v_N),
       .variance = position_late2 + noise2(model_.position, model_.slow_position),
       .error = position_error_};
-  if (is_rejecting_ && rejecting_s_ > model_.accept_after_s) {
+  const double interval_s = static_cast<double>(fix_every_) * period_s_;
+  if (is_rejecting_ && rejecting_s_ + interval_s > model_.accept_after_s) {
     if (other_attitude_) return begin_again(measured, sample, at);
     doubt(position.innovation, measured.v_N - v_N);
   }
@@ -67,7 +68,9 @@ void Navigator::use_fix(const Sample& sample, const At& at) noexcept {
                                        .innovation = axes * (measured.v_N - past.v_N - corrections_.v_N),
                                        .variance = velocity_late2 + noise2(model_.velocity, model_.slow_velocity),
                                        .error = velocity_error_})) {
-    if (!std::exchange(is_rejecting_, true)) {
+    if (std::exchange(is_rejecting_, true)) {
+      rejecting_s_ += interval_s;
+    } else {
       rejecting_s_ = 0;
       other_attitude_.reset();
       has_begun_ = false;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "core/attitude.hpp"
 #include "core/units.hpp"
@@ -67,7 +68,6 @@ void AttitudeReference::take(Sample& sample) noexcept {
     align(sample, dt);
   } else if (dt > 0) {
     filter_.advance(sample.delta_angle, sample.delta_velocity, dt);
-    rejecting_s_ += dt;
     if (heading_every_ > 0 && (number_ - aligned_at_) % heading_every_ == 0) use_heading(sample);
   }
   ++number_;
@@ -166,15 +166,15 @@ void AttitudeReference::use_heading(const Sample& sample) noexcept {
     field_ = field_of(field_L);
   }
   const Filter::Heading heading = heading_by(field_L);
-  if (is_rejecting_ &&
-      rejecting_s_ > model_.accept_after_s) {  // neither the field nor the heading is trusted any more
+  const double interval_s = 1 / model_.magnetic_rate_hz;
+  // Neither the field nor the heading is trusted any more.
+  if (is_rejecting_ && rejecting_s_ + interval_s > model_.accept_after_s) {
     field_ = field_of(field_L);
     filter_.add_heading_variance(square(heading.innovation));
   }
   const bool is_disturbed = std::abs(field_L.norm() - field_->strength) > field_change * field_->strength;
   if (is_disturbed || !(filter_.normalized_square(heading) <= model_.gate)) {
-    if (!is_rejecting_) rejecting_s_ = 0;
-    is_rejecting_ = true;
+    rejecting_s_ = std::exchange(is_rejecting_, true) ? rejecting_s_ + interval_s : 0;
     rejected_ |= aid::magnetic_heading;
     ++headings_.rejected;
     return;
@@ -205,8 +205,12 @@ void AttitudeReference::write(Sample& sample) const noexcept {
   solution.used = used_ | aid::gravity;
   solution.rejected = rejected_;
   if (sample.navigation.is_known) {  // the place is the truth's with the errors of a receiver
-    solution.position = sample.navigation.accuracy_factor * model_.position.cast<float>();
-    solution.velocity = sample.navigation.accuracy_factor * model_.velocity.cast<float>();
+    const auto sigma = [&](const Vector3& noise, const Vector3& slow) -> Eigen::Vector3f {
+      const Vector3 root = (noise.array().square() + slow.array().square()).sqrt();
+      return sample.navigation.accuracy_factor * root.cast<float>();
+    };
+    solution.position = sigma(model_.position, model_.slow_position);
+    solution.velocity = sigma(model_.velocity, model_.slow_velocity);
   }
   solution.attitude = attitude2.cwiseSqrt().cwiseMin(units::pi).cast<float>();
   solution.gyro_bias = filter_.gyro_bias_P().cast<float>();

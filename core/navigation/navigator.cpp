@@ -99,7 +99,6 @@ void Navigator::take(Sample& sample, TruthTime time, std::optional<double> earth
   if (dt > 0 && held_s_ <= longest_hold_s && number_ != aligned_at_) {
     filter_.advance(sample.delta_angle, sample.delta_velocity, dt);
     since_fix_s_ += dt;
-    rejecting_s_ += dt;
   }
   remember_motion();
   const std::uint64_t since = number_ - aligned_at_;
@@ -151,7 +150,10 @@ void Navigator::align(const Sample& sample, const At& at, double dt) noexcept {
     return;
   }
   const PositionVelocity now = in_N(fix, at);
+  constexpr double rounding_s = 1e-6;
   if (model_.alignment == NavigatorModel::Alignment::truth) {
+    // No truth is older than the run: the first fixes are not late.
+    if (static_cast<double>(number_ - 1) * period_s_ + rounding_s < seconds(latency_)) return;
     PositionVelocity there = now;  // the attitude is not late
     there.time = at.time;
     return begin_filter(now, sample, at, q_NL(there, fix) * sample.q_LP, {1e-6, 1e-6});

@@ -11,6 +11,7 @@ void Navigator::review(const Sample& sample, const At& at, double dt) noexcept {
   const Navigation& fix = sample.fix();
   if (!fix.is_known) {
     has_begun_ = false;
+    other_attitude_.reset();
     return;
   }
   alignment_.add(sample.delta_angle, sample.delta_velocity, dt, sample.magnetic_field);
