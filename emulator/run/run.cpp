@@ -191,7 +191,8 @@ int run(const Config& config, const RunOptions& options) {
   const ChosenPorts chosen = chosen_ports();
   std::atomic<std::uint64_t> host_uses = 0;
   report_ready(chosen, options.ready_fd);
-  const Watchdog watchdog(io, host_uses, config.clock == ClockMode::fast);
+  const bool is_unpaced = config.clock != ClockMode::realtime && is_capture(config.truth.port);
+  const Watchdog watchdog(io, host_uses, is_unpaced);
   if (options.wait_for_reader) wait_for_readers(engine, config, io, [&] { return stop.load(); });
   Config named = config;  // as the log shall name its ports
   for (const auto& [key, port] : chosen)

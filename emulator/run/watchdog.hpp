@@ -13,7 +13,8 @@
 namespace imud {
 
 // The real host, which counts how often it is asked. The thread that samples asks it at least every 20 ms, also while
-// it waits: in lockstep without truth, in silence, or for the reader of a pipe.
+// it waits: in lockstep without truth, or in silence. Only for the reader of a pipe that has stopped it waits longer,
+// up to 2 s each.
 class CountingHost final : public Host {
  public:
   // Must be made by the thread that will wait, as MonotonicHost. `uses` has no other writer, and outlives this.
@@ -43,7 +44,7 @@ class CountingHost final : public Host {
 // readers of its ptys. Does nothing if no manager asks for it. Used by the thread that runs `io`.
 class Watchdog {
  public:
-  // `is_always`: also sends while `uses` stands still. A run as fast as possible asks its host only when it waits.
+  // `is_always`: also sends while `uses` stands still. A run that no clock paces asks its host only when it waits.
   Watchdog(boost::asio::io_context& io, const std::atomic<std::uint64_t>& uses, bool is_always);
 
  private:
