@@ -9,17 +9,19 @@
 namespace imud {
 namespace {
 
-constexpr double step_s = 0.01, gravity = units::standard_gravity;
+constexpr double detector_step_s = 0.01, gravity = units::standard_gravity;
 
 // Whether a window is rest, by the rate and the specific force at its steps.
 template <class RateAt, class ForceAt>
 bool is_rest(RateAt rate_at, ForceAt force_at, const InertialNoise& noise = {}) {
   RestDetector detector(noise);
   for (int k = 0; k < 99; ++k) {
-    const double t = step_s * k;
-    EXPECT_FALSE(detector.add(step_s * rate_at(t), step_s * force_at(t), step_s, gravity)) << k;
+    const double t = detector_step_s * k;
+    EXPECT_FALSE(detector.add(detector_step_s * rate_at(t), detector_step_s * force_at(t), detector_step_s, gravity))
+        << k;
   }
-  const std::optional<bool> found = detector.add(step_s * rate_at(0.99), step_s * force_at(0.99), step_s, gravity);
+  const std::optional<bool> found =
+      detector.add(detector_step_s * rate_at(0.99), detector_step_s * force_at(0.99), detector_step_s, gravity);
   EXPECT_TRUE(found);
   return found.value_or(false);
 }
@@ -46,7 +48,8 @@ TEST(RestDetector, AllowsForNoise) {
   const auto rate = [](double t) { return Vector3(0.02 * sine(t), 0, 0); };
   const auto force = [](double t) { return Vector3(0, 0, -gravity + 0.2 * sine(t)); };
   EXPECT_FALSE(is_rest(rate, force));
-  EXPECT_TRUE(is_rest(rate, force, {.gyro = 0.02 * std::sqrt(step_s), .accelerometer = 0.2 * std::sqrt(step_s)}));
+  EXPECT_TRUE(is_rest(
+      rate, force, {.gyro = 0.02 * std::sqrt(detector_step_s), .accelerometer = 0.2 * std::sqrt(detector_step_s)}));
 }
 
 }  // namespace
