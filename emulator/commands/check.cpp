@@ -92,7 +92,8 @@ std::string solution_text(const NavigatorModel& navigator, const EarthModel& ear
           fmt::format("{:.3g} m, {:.3g} m/s north", std::hypot(navigator.position.x(), navigator.slow_position.x()),
                       std::hypot(navigator.velocity.x(), navigator.slow_velocity.x()))),
       antennas, headings, height, navigator.zero_velocity ? ", no velocity at rest" : "",
-      is_coarse ? fmt::format("no place until it has aligned, {:g} s after the first fix", navigator.alignment_s)
+      is_coarse ? fmt::format("no place of its own until it has aligned, {:g} s and the latency after the first fix",
+                              navigator.alignment_s)
                 : "it begins at the true attitude");
 }
 

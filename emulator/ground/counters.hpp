@@ -128,11 +128,9 @@ struct ImuCounters : CounterGroup {
   // Connections to the port that were refused, because it has another peer.
   Counter connections_refused{*this, {"connections_refused", "connections refused"}};
   // Edges on the trigger and PPS pins that Sync refused.
-  Counter edges_refused{*this,
-                        {"edges_refused", "edges refused", Show::if_not_zero,
-                         Show::if_not_zero}};  // Fixes of the receiver, magnetic headings, headings by two antennas,
-                                               // barometric heights and rests that the unit's own
-  // filter used, and rejected.
+  Counter edges_refused{*this, {"edges_refused", "edges refused", Show::if_not_zero, Show::if_not_zero}};
+  // Fixes of the receiver, magnetic headings, headings by two antennas, barometric heights and rests that the unit's
+  // own filter used, and rejected. They begin again with a reload that changes the sensor.
   Counter fixes_used{*this, {"fixes_used", "fixes used"}};
   Counter fixes_rejected{*this, {"fixes_rejected", "fixes rejected", Show::if_not_zero, Show::if_not_zero}};
   Counter headings_used{*this, {"headings_used", "headings used"}};
