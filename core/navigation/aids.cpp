@@ -61,7 +61,6 @@ void Navigator::use_fix(const Sample& sample, const At& at) noexcept {
     doubt(position.innovation, measured.v_N - v_N);
   }
   const bool is_near = use(aid::position, position);
-  if (is_near) since_fix_s_ = 0;
   // The position has corrected the velocity as well.
   if (!is_near || !use(aid::velocity, {.first = InertialFilter::velocity,
                                        .axes_N = axes,
@@ -79,6 +78,7 @@ void Navigator::use_fix(const Sample& sample, const At& at) noexcept {
     return;
   }
   ++fixes_.used;
+  since_fix_s_ = 0;
   is_rejecting_ = false;
 }
 

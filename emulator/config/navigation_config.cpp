@@ -139,7 +139,7 @@ void read_navigator(TableReader& table, const TruthConfig& truth, ImuConfig& imu
     table.fault("antennas_heading_deg", "comes with fixes; give a gnss_rate_hz above 0");
   navigator.barometer_rate_hz = of_filter("barometer_rate_hz", navigator.barometer_rate_hz, 0, 100);
   navigator.barometric_height = of_filter("barometric_height_m", navigator.barometric_height, 0.01, most);
-  navigator.barometric_walk = of_filter("barometric_walk_m_per_rt_s", navigator.barometric_walk, 1e-6, most);
+  navigator.barometric_walk = of_filter("barometric_walk_m_per_rt_s", navigator.barometric_walk, 1e-4, most);
   if (is_inertial || table.has("zero_velocity")) {
     navigator.zero_velocity = table.flag("zero_velocity", false);
     check("zero_velocity", is_inertial, "\"filter\"");

@@ -127,7 +127,7 @@ TEST_F(AttitudeSolutionTest, WorksWithPosesAlone) {
   for (const char* wrong : {"gnss_rate_hz = 5\n", "roll_pitch_deg = 1\n", "quiet_m_per_s2 = 0\n"})
     EXPECT_NE(refusal("", attitude() + wrong), "") << wrong;
   EXPECT_NE(refusal("", "solution = \"filter\"\nquiet_m_per_s2 = 0.1\n"), "");
-  EXPECT_NE(refusal("", "quiet_m_per_s2 = 0.1\n"), "");
+  EXPECT_NE(refusal("", "solution = \"truth\"\nquiet_m_per_s2 = 0.1\n"), "");
   const NavigatorModel navigator =
       load("", attitude() + "quiet_m_per_s2 = 0.1\nmagnetic_rate_hz = 0\nposition_noise_m = 1\n").imus[0].navigator;
   EXPECT_TRUE(navigator.is_on);

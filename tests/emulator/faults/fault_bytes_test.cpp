@@ -36,8 +36,9 @@ TEST_F(FaultBytesTest, AreTheSameEachTimeAndInEveryBuild) {
   };
   const std::vector<Unit> units = {
       native_unit("native"), every_quantity_unit("dbc"), product("stim300", "", 2000),
-      product("vectornav", "device.async_type = 0\ndevice.binary_1 = \"1,4,04,0ED0\"\n", 800),
-      product("mip", "", 1000)};
+      product("vectornav",
+              "device.async_type = 0\ndevice.binary_1 = \"1,4,04,0ED0\"\nnavigation.solution = \"truth\"\n", 800),
+      product("mip", "navigation.solution = \"truth\"\n", 1000)};
   const std::string faults = all_faults("\"*\"", "[\"native\", \"stim300\", \"vectornav\", \"mip\"]",
                                         "[\"native\", \"stim300\", \"vectornav\"]", "\"dbc\"");
   const Sampled one = run(units, faults, scenario_s);

@@ -92,7 +92,8 @@ TEST_F(FaultEffectsTest, AreThoseOfTheFilter) {
                     "0.5\nvelocity_noise_m_per_s = 0.02\n") +
             solution);
   };
-  const Result filtered = jump("solution = \"filter\"\naccept_after_s = 1\n"), true_place = jump("");
+  const Result filtered = jump("solution = \"filter\"\naccept_after_s = 1\n"),
+               true_place = jump("solution = \"truth\"\n");
   ASSERT_EQ(filtered.labels.size(), 1U);
   const SolutionErrors& effect = filtered.labels[0].effect;
   EXPECT_NEAR(effect.position, 30, 3);

@@ -158,8 +158,8 @@ TEST_F(SolutionTest, IsTheUnitsOwnByDefault) {
       EXPECT_FALSE(solution_of(inertial, unit.protocol, model + keys)) << unit.model << ": " << keys;
     EXPECT_EQ(solution_of(inertial, unit.protocol, model + "model = \"bmi088\"\n"), unit.kind) << unit.model;
   }
-  EXPECT_EQ(solution_of(inertial, "sbg-can", "rate_hz = 200\n"), Kind::inertial);
-  EXPECT_EQ(solution_of(inertial, "xsens-can", "rate_hz = 200\n"), Kind::attitude);
+  EXPECT_EQ(solution_of(inertial, "sbg-can", ""), Kind::inertial);
+  EXPECT_EQ(solution_of(inertial, "xsens-can", ""), Kind::attitude);
   EXPECT_FALSE(solution_of(inertial, "stim300", ""));
 }
 

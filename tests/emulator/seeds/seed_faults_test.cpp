@@ -54,8 +54,8 @@ TEST_F(SeedFaults, AFaultThatNeverBeginsIsNamed) {
       }
       const std::vector<std::string> rows = lines_of(read_file(path("labels.csv")));
       ASSERT_EQ(rows.size(), 1 + runs * (imu == "*" ? 2 : 1));
-      EXPECT_EQ(rows[1],
-                (seeds == "7" ? "7,off," : "1,off,") + (imu == "*" ? "a1" : imu) + ",gyro.x,bias,,,,,,,,,,,,never,,,");
+      EXPECT_EQ(rows[1], (seeds == "7" ? "7,off," : "1,off,") + (imu == "*" ? "a1" : imu) +
+                             ",gyro.x,bias,,,,,,,,,,,,never,,,");
       const ProgramResult begun = replay(imu, "0", seeds);
       EXPECT_EQ(begun.exit_code, 0) << begun.errors;
       const nlohmann::json each_begun = summary()["seeds"];
