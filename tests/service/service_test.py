@@ -2,7 +2,7 @@
 
 usage: service_test.py BUILD_FOLDER SOURCE_FOLDER
 
-What a cgroup, a namespace or a capability does is not tested here: `tools/packaging/check` has systemd verify the unit.
+What a cgroup, a namespace or a capability does is not tested here: `tools/packaging/check-packages` has systemd verify the unit.
 """
 import ctypes
 import os
