@@ -215,6 +215,13 @@ class ServiceTest(unittest.TestCase):
             self.notified.settimeout(60)
             self.end_stopped(run, thread)
 
+    def test_devices_are_serial_ports_that_the_page_names(self):
+        self.assertEqual(setting("DevicePolicy"), "closed")
+        allowed = re.findall("^DeviceAllow=(.*)$", UNIT, re.MULTILINE)
+        page = (SYSTEM.parent / "README.md").read_text()
+        named = re.search("may open serial ports alone: (.*?) Another", page, re.DOTALL).group(1)
+        self.assertEqual(allowed, [f"char-{name} rw" for name in re.findall("`(tty[A-Za-z]+)`", named)])
+
     def test_the_user_of_the_unit_is_made(self):
         made = re.findall(r"^u (\S+) ", (SYSTEM / "sysusers.conf").read_text(), re.MULTILINE)
         self.assertEqual(made, [setting("User")])
