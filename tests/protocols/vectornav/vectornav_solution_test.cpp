@@ -95,7 +95,7 @@ TEST(VectorNavSolution, UncertaintiesAreTheFilters) {
     return words[12] + "," + words[13] + "," + words[14];
   };
   EXPECT_EQ(of(known), "00.5,01.0,0.05") << "of the truth";
-  EXPECT_EQ(of(aligning(known)), "00.0,00.0,0.00");
+  EXPECT_EQ(of(aligning(known)), "180.0,01.0,0.05") << "any attitude; the place is the receiver's";
   EXPECT_EQ(of(aided(known)), "00.5,01.0,0.10");
   EXPECT_EQ(of(coasting(known, 30, {.velocity = 2, .position = 30})), "00.5,30.0,2.00");
 }
