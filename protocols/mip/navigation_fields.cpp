@@ -1,5 +1,6 @@
-// The fields of the filter and of the receivers, which report the truth with the errors of the sample, and the
-// standard deviations of these as their accuracies.
+// The fields of the filter and of the receivers. They report the truth with the errors of the sample, and the
+// standard deviations of these as their accuracies; a unit with a filter of its own reports the filter's solution in
+// the fields of the filter, and its receiver's fix in those of the receivers.
 #include <chrono>
 #include <cmath>
 
@@ -67,8 +68,18 @@ void Fields::put_filter(Packet& packet, std::uint8_t descriptor, DeviceTime at) 
   const auto uncertainty = [&](Eigen::Vector3f Solution::*member, const Vector3& otherwise) {
     return solution ? of_filter(member) : otherwise;
   };
-  const auto without = [&](Eigen::Vector3f Solution::*bias_P, const Vector3& sensed) -> Vector3 {
-    return solution ? Vector3(sensed - memory_.active().q_PV.conjugate() * of_filter(bias_P)) : sensed;
+  // The filter integrates what the sensors deliver: its biases include those that the host has set, which are
+  // subtracted already. It has none while it aligns, and of an attitude alone only the gyro's.
+  const auto more_gyro_bias = [&]() -> Vector3 {
+    if (!solution || is_in(Solution::State::aligning)) return Vector3::Zero();
+    return of_filter(&Solution::gyro_bias) - memory_.active().gyro_bias;
+  };
+  const auto more_accelerometer_bias = [&]() -> Vector3 {
+    if (!is_in(Solution::State::aided) && !is_in(Solution::State::coasting)) return Vector3::Zero();
+    return of_filter(&Solution::accelerometer_bias) - memory_.active().accelerometer_bias;
+  };
+  const auto without = [&](const Vector3& bias_P, const Vector3& sensed) -> Vector3 {
+    return solution ? Vector3(sensed - memory_.active().q_PV.conjugate() * bias_P) : sensed;
   };
   std::uint16_t valid = is_stable;
   switch (descriptor) {
@@ -92,7 +103,7 @@ void Fields::put_filter(Packet& packet, std::uint8_t descriptor, DeviceTime at) 
       put_euler(packet);
       break;
     case 0x06:
-      packet.put_floats(uncertainty(&Solution::gyro_bias, Vector3::Zero()));  // in P
+      packet.put_floats(more_gyro_bias());  // in P, beside the host's
       break;
     case 0x08:
       packet.put_floats(uncertainty(&Solution::position,
@@ -115,10 +126,10 @@ void Fields::put_filter(Packet& packet, std::uint8_t descriptor, DeviceTime at) 
       packet.put_floats(uncertainty(&Solution::gyro_bias_sigma, Vector3::Constant(1e-4)));  // rad/s
       break;
     case 0x0D:
-      packet.put_floats(without(&Solution::accelerometer_bias, sample_.specific_force) + gravity());
+      packet.put_floats(without(more_accelerometer_bias(), sample_.specific_force) + gravity());
       break;
     case 0x0E:
-      packet.put_floats(without(&Solution::gyro_bias, sample_.rate));
+      packet.put_floats(without(more_gyro_bias(), sample_.rate));
       break;
     case 0x10:
       return put_filter_status(packet, at);
@@ -135,7 +146,7 @@ void Fields::put_filter(Packet& packet, std::uint8_t descriptor, DeviceTime at) 
       packet.put_floats(gravity());
       break;
     case 0x1C:
-      packet.put_floats(without(&Solution::accelerometer_bias, sample_.specific_force));
+      packet.put_floats(without(more_accelerometer_bias(), sample_.specific_force));
       break;
     case 0x49:
       return put_dual_antenna(packet, at);

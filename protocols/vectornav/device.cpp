@@ -168,10 +168,16 @@ class VectorNavDevice final : public Device {
     for (std::size_t i = 0; i < used; ++i) sums_[i].add(sample_, dt);
   }
 
+  // The filter integrates what the sensors deliver, and so its biases are whole ones, those in registers 84 and 25
+  // included, which are subtracted already. It has none while it aligns, and of an attitude alone only the gyro's.
   // The increments are not compensated as delivered (register 82).
   void subtract_biases(const Solution& solution) noexcept {
-    sample_.specific_force -= dcm_ * Vector3(solution.accelerometer_bias.cast<double>());
-    sample_.rate -= dcm_ * Vector3(solution.gyro_bias.cast<double>());
+    const auto& [magnetometer, accelerometer, gyro] = active_.calibrations;
+    if (solution.state == Solution::State::aligning) return;
+    sample_.rate -= gyro.gain * (dcm_ * Vector3(solution.gyro_bias.cast<double>()) - gyro.bias);
+    if (solution.state == Solution::State::levelled) return;
+    sample_.specific_force -=
+        accelerometer.gain * (dcm_ * Vector3(solution.accelerometer_bias.cast<double>()) - accelerometer.bias);
   }
 
   Sums& text_sums(unsigned uart) noexcept { return sums_[of_text + frame_uart(uart)]; }

@@ -126,6 +126,31 @@ TEST(MipSolution, BiasesAndTheirUncertainties) {
   EXPECT_LT((three(without, 0x0D) - three(with, 0x0D) - of_force).norm(), 1e-6);
 }
 
+// The filter's biases include those that the host has set, which are not subtracted twice.
+TEST(MipSolution, BiasesOfTheHostAreSubtractedOnce) {
+  FilterUnit ins("3dm-gx5-45", {0x06, 0x0E, 0x1C, 0x0D});
+  // 0.0625 rad/s about x, 0.01 g along y.
+  EXPECT_EQ(ins.unit().code(command(0x0C, 0x38, hex("013D8000000000000000000000"))), 0);
+  EXPECT_EQ(ins.unit().code(command(0x0C, 0x37, hex("01000000003C23D70A00000000"))), 0);
+  Sample sample = aided(over_boulder());
+  sample.rate = {0.5, 0.25, 0};
+  sample.specific_force = {1, 2, -10};
+  sample.solution->gyro_bias = {0.125F, 0, 0};
+  sample.solution->accelerometer_bias = {0, 0.5F, 0};
+  const auto three = [](const Bytes& packet, std::uint8_t descriptor) {
+    const Bytes data = field(packet, descriptor);
+    return Vector3(number(data, 0), number(data, 1), number(data, 2));
+  };
+  const Bytes both = ins.packet(sample);
+  EXPECT_LT((three(both, 0x06) - Vector3(0.0625, 0, 0)).norm(), 1e-7) << "the rest of the filter's";
+  EXPECT_LT((three(both, 0x0E) - Vector3(0.375, 0.25, 0)).norm(), 1e-6);
+  EXPECT_LT((three(both, 0x1C) - Vector3(1, 1.5, -10)).norm(), 1e-5);
+  EXPECT_LT((three(both, 0x0D) - three(both, 0x1C) - Vector3(0, 0, 9.8)).norm(), 0.02) << "less gravity";
+  const Bytes aligns = ins.packet(aligning(sample));
+  EXPECT_EQ(three(aligns, 0x06), Vector3::Zero());
+  EXPECT_LT((three(aligns, 0x0E) - Vector3(0.4375, 0.25, 0)).norm(), 1e-6) << "less the host's";
+}
+
 // While the filter aligns its attitude is not valid, and the time is the receiver's.
 TEST(MipSolution, ValidityWhileAligning) {
   FilterUnit ins("3dm-gx5-45", {0x01, 0x05, 0x08, 0x11});

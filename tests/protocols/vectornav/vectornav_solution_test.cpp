@@ -118,6 +118,29 @@ TEST(VectorNavSolution, BiasesAreSubtracted) {
   EXPECT_EQ(unit.ask("VNRRG,19").substr(10, 10), "+00.500000");
 }
 
+// The filter's biases include those that the host has set, which are not subtracted twice.
+TEST(VectorNavSolution, BiasesOfTheHostAreSubtractedOnce) {
+  Unit unit({{"async_type", std::int64_t{0}}});
+  unit.ask("VNWRG,84,2,0,0,0,1,0,0,0,1,0.0625,0,0");
+  unit.ask("VNWRG,25,1,0,0,0,1,0,0,0,2,0,0,0.25");
+  const auto three = [&](const Sample& sample, const char* request) {
+    unit.sample = sample;
+    unit.run(1);
+    return unit.ask(request).substr(10, 32);
+  };
+  Sample sample = aided(at_30_north(90));
+  sample.rate = {0.5, 0, 0};
+  sample.solution->gyro_bias = {0.125F, 0, 0};
+  sample.solution->accelerometer_bias = {0, 0, 0.5F};
+  EXPECT_EQ(three(sample, "VNRRG,19").substr(0, 10), "+00.750000") << "2 (0.5 - 0.125)";
+  EXPECT_EQ(three(sample, "VNRRG,18").substr(0, 23), "+00.000,+00.000,-20.613") << "2 (-9.80665 - 0.5)";
+  sample.solution->state = Solution::State::levelled;
+  EXPECT_EQ(three(sample, "VNRRG,19").substr(0, 10), "+00.750000");
+  EXPECT_EQ(three(sample, "VNRRG,18").substr(0, 23), "+00.000,+00.000,-20.113") << "2 (-9.80665 - 0.25)";
+  sample.solution->state = Solution::State::aligning;
+  EXPECT_EQ(three(sample, "VNRRG,19").substr(0, 10), "+00.875000") << "2 (0.5 - 0.0625)";
+}
+
 // A VN-100 has an attitude, and no place.
 TEST(VectorNavSolution, AnAttitudeAlone) {
   Unit unit({{"async_type", std::int64_t{0}}});
