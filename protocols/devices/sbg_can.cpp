@@ -5,7 +5,8 @@
 // The tables below are the layouts. IMU_INFO, IMU_ACCEL and IMU_GYRO, in this order, are a set. As delivered, a unit
 // sends nothing: the setting `messages` is its configuration, and begins with this set.
 //
-// Attitude, position and velocity are the truth's; the undulation is 0, so that the altitude is the height above the
+// Attitude, position and velocity are the truth's, or the solution of the unit's own filter; while that has no place,
+// position and velocity are the receiver's. The undulation is 0, so that the altitude is the height above the
 // ellipsoid. A magnetometer's arbitrary unit is taken as 50 uT.
 #include "protocols/signals/signal_product.hpp"
 

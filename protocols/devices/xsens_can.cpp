@@ -7,7 +7,8 @@
 //
 // The tables below are the layouts. By Xsens's default, attitude, free acceleration and velocity are relative to
 // east-north-up. Messages whose names end in _ned are relative to north-east-down. Attitude, position and velocity
-// are the truth's. A magnetometer's arbitrary unit is taken as 50 uT.
+// are the truth's, or the solution of the unit's own filter; while that has no place, position and velocity are the
+// receiver's. A magnetometer's arbitrary unit is taken as 50 uT.
 #include <cmath>
 
 #include "core/attitude.hpp"

@@ -64,36 +64,36 @@ double rodrigues(const Reading& reading) noexcept {
   return component(reading.sample.q_LP, Index + 1) / (1 + component(reading.sample.q_LP, 0));
 }
 
-// --- Navigation ---
+// --- Navigation: by the receiver while a filter has no place ---
 template <double Navigation::*Member>
 double place(const Reading& reading) noexcept {
-  return reading.sample.navigation.*Member;
+  return reading.sample.timed().*Member;
 }
 template <int Axis>
 double velocity_L(const Reading& reading) noexcept {
-  return reading.sample.navigation.v_L[Axis];
+  return reading.sample.timed().v_L[Axis];
 }
 template <int Axis>
 double velocity_P(const Reading& reading) noexcept {
-  return (reading.sample.q_LP.conjugate() * reading.sample.navigation.v_L)[Axis];
+  return (reading.sample.q_LP.conjugate() * reading.sample.timed().v_L)[Axis];
 }
 
 template <int Axis>
 double position(const Reading& reading) noexcept {
-  return reading.sample.navigation.r_E[Axis];
+  return reading.sample.timed().r_E[Axis];
 }
 template <int Axis>
 double relative_position(const Reading& reading) noexcept {
-  const Navigation& navigation = reading.sample.navigation;
+  const Navigation& navigation = reading.sample.timed();
   return navigation.is_known ? r_L_from_origin(navigation)[Axis] : 0;
 }
-double speed(const Reading& reading) noexcept { return reading.sample.navigation.v_L.norm(); }
-double ground_speed(const Reading& reading) noexcept { return reading.sample.navigation.v_L.head<2>().norm(); }
+double speed(const Reading& reading) noexcept { return reading.sample.timed().v_L.norm(); }
+double ground_speed(const Reading& reading) noexcept { return reading.sample.timed().v_L.head<2>().norm(); }
 double track(const Reading& reading) noexcept {
-  const Vector3& v = reading.sample.navigation.v_L;
+  const Vector3& v = reading.sample.timed().v_L;
   return elementary::atan2(v.y(), v.x());
 }
-double climb(const Reading& reading) noexcept { return -reading.sample.navigation.v_L.z(); }
+double climb(const Reading& reading) noexcept { return -reading.sample.timed().v_L.z(); }
 
 // --- Calendar: UTC in the present number of leap seconds; 0 where the time is not known ---
 namespace chrono = std::chrono;
@@ -251,7 +251,8 @@ constexpr MeasuredQuantity quantities[] = {
     {"acceleration_x", "the same in the axes of the sensor", key_units::acceleration, acceleration<0>},
     {"acceleration_y", "", key_units::acceleration, acceleration<1>},
     {"acceleration_z", "", key_units::acceleration, acceleration<2>},
-    at_place("latitude", "geodetic, WGS 84", key_units::angle, place<&Navigation::latitude>),
+    at_place("latitude", "geodetic, WGS 84; the receiver's while its own solution has no place", key_units::angle,
+             place<&Navigation::latitude>),
     at_place("longitude", "", key_units::angle, place<&Navigation::longitude>),
     at_place("height", "above the ellipsoid", key_units::length, place<&Navigation::height>),
     at_place("position_north", "from where the first truth was, or from the local level's origin; axes there",

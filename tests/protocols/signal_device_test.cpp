@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <string>
+#include <utility>
 
 #include "core/attitude.hpp"
 #include "core/units.hpp"
@@ -94,8 +95,13 @@ TEST(SignalDeviceTest, SbgReportsTheTruthsNavigation) {
   EXPECT_EQ(sbg.now(), (Lines{"110#E80300007B4CDA1F", "111#190104041A16D204", "131#825A00000000825A",
                               "132#000000005C3D", "134#80A1031C403D25F9", "135#BA2809000000", "137#6400C800D4FE",
                               "139#C8009CFFD4FE", "151#E8030CFED007"}));
-  s.navigation = {};
+  const Navigation place = std::exchange(s.navigation, {});
   EXPECT_EQ(sbg.next(5ms)[1], "111#0000000000000000");
+  s.solution.emplace().receiver = place;  // its own filter aligns
+  const Lines aligns = sbg.next(5ms);
+  EXPECT_EQ(aligns[4], "134#80A1031C403D25F9");
+  EXPECT_EQ(aligns[5], "135#BA2809000000");
+  EXPECT_EQ(aligns[7], "139#C8009CFFD4FE");
 }
 
 // The frames of facts known of MM7.10: the first is the golden one; the others have its counter.

@@ -322,6 +322,32 @@ TEST(SolutionStatus, OfSensAItion) {
   EXPECT_EQ(accuracies, (Numbers{1000, unknown, unknown, 1000, 30'000, 1000})) << "of the latitude, mm";
 }
 
+// The bytes from there on.
+std::vector<unsigned> part(std::string_view product, const Sample& sample, std::size_t at, std::size_t size) {
+  const std::vector<unsigned> frame = first_frames(product, sample);
+  if (frame.size() < at + size) return {};
+  const auto begin = frame.begin() + static_cast<std::ptrdiff_t>(at);
+  return {begin, begin + static_cast<std::ptrdiff_t>(size)};
+}
+
+// A receiver with a fix and a place of 0, 0 would contradict each other.
+TEST(SolutionStatus, ThePlaceIsTheReceiversWhileTheFilterAligns) {
+  struct Place {
+    std::string_view product;
+    std::size_t at, size;  // of latitude, longitude, and what follows of height and velocity
+  };
+  const Sample known = over_jena();
+  for (const auto& [product, at, size] :
+       {Place{"applanix-gsof", 17, 40}, Place{"ncom", 23, 29}, Place{"inertiallabs-ins", 87, 24},
+        Place{"sensaition-ins", 39 + 19 + 11, 24}, Place{"stdbin-ins", 45, 16}}) {
+    const std::vector<unsigned> of_truth = part(product, known, at, size), none(size, 0);
+    EXPECT_EQ(of_truth.size(), size) << product;
+    EXPECT_NE(of_truth, none) << product;
+    EXPECT_EQ(part(product, aligning(known), at, size), of_truth) << product;
+    EXPECT_EQ(part(product, aligning(known, false), at, size), none) << product << ", without a fix";
+  }
+}
+
 TEST(SolutionStatus, OfXsens) {
   std::vector<unsigned> words;
   for (const Sample& sample : phases(over_jena()))
