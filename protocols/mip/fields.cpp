@@ -42,7 +42,10 @@ void Fields::set_sample(const Sample& sample) noexcept {
     restarted_.reset();
   }
   sample_ = sample;
-  if (sample.solution && sample.fix().is_known) last_fix_ = sample.fix();
+  if (sample.solution && sample.fix().is_known)
+    last_fix_ = sample.fix();
+  else if (is_in(Solution::State::aligning))
+    last_fix_.reset();
   sample_.rate = q_VP * (sample.rate - c.gyro_bias);
   sample_.specific_force = q_VP * (sample.specific_force - c.accelerometer_bias);
   sample_.magnetic_field = q_VP * sample.magnetic_field;

@@ -46,6 +46,7 @@ Fields::FilterState Fields::filter_state() const noexcept {
   if (model.is(gx5)) return waits ? FilterState::initialization : FilterState::vertical_gyro;
   const Nanoseconds age = filter_began_ ? sample_.time - *filter_began_ : Nanoseconds(0);
   if (age < initialization) return FilterState::initialization;
+  if (is_aligning) return FilterState::vertical_gyro;
   const Kept& setting = *memory_.active().find_kept(model, filter_command, 0x52);
   enum HeadingSource : std::uint8_t { antennas = 1, motion = 2, magnetometer = 4 };
   const unsigned manual = setting.bytes[1], sources = setting.bytes[2];
@@ -61,7 +62,7 @@ void Fields::put_filter(Packet& packet, std::uint8_t descriptor, DeviceTime at) 
   const bool navigates = is_known() && (!memory_.model().is(gq7) || state == FilterState::full_navigation);
   const std::optional<Solution>& solution = sample_.solution;
   const bool is_stable =
-      memory_.model().is(gq7) ? state != FilterState::initialization : !is_in(Solution::State::aligning);
+      !is_in(Solution::State::aligning) && (!memory_.model().is(gq7) || state != FilterState::initialization);
   const auto of_filter = [&](Eigen::Vector3f Solution::*member) {
     return Vector3(((*solution).*member).cast<double>());
   };
@@ -210,15 +211,17 @@ unsigned Fields::flags_of_series_7(FilterState state, const Warnings& high, bool
 }
 
 // Writes the second of the week, heading, its uncertainty, and flags: integers fixed, both receivers and the offsets
-// of their antennas valid.
+// of their antennas valid. They are the receivers', and so there are none without a fix, although a filter may
+// navigate on, and there are some while it aligns. A sample has no other heading than the unit's attitude.
 void Fields::put_dual_antenna(Packet& packet, DeviceTime at) const noexcept {
   const Vector3 ypr = yaw_pitch_roll_from_dcm(sample_.q_LP.conjugate().toRotationMatrix());
-  packet.put_float(is_known() ? 1e-9 * static_cast<double>(true_gps_ns(at) % gps_week_ns) : 0.0);
-  packet.put_float(is_known() ? ypr[0] : 0.0);
-  packet.put_float(is_known() ? figure_or(figures_.attitude.z(), heading_uncertainty) : 0.0);
-  packet.put(static_cast<std::uint8_t>(is_known() ? 2 : 0));
-  packet.put(static_cast<std::uint16_t>(is_known() ? 0x07 : 0));
-  packet.put(std::uint16_t{is_known()});
+  const bool is_fixed = sample_.fix().is_known;
+  packet.put_float(is_fixed ? 1e-9 * static_cast<double>(true_gps_ns(at) % gps_week_ns) : 0.0);
+  packet.put_float(is_fixed ? ypr[0] : 0.0);
+  packet.put_float(is_fixed ? figure_or(figures_.attitude.z(), heading_uncertainty) : 0.0);
+  packet.put(static_cast<std::uint8_t>(is_fixed ? 2 : 0));
+  packet.put(static_cast<std::uint16_t>(is_fixed ? 0x07 : 0));
+  packet.put(std::uint16_t{is_fixed});
 }
 
 // Where the receiver reports the truth, its accuracies are as under an open sky. A receiver that has lost its fix

@@ -93,6 +93,64 @@ TEST(MipSolution, StateAndFlagsOfAGq7) {
   EXPECT_EQ(after(0, aided(known)), Status(4, 1));
 }
 
+// Whatever its source of heading, a GQ7 has none while its filter aligns.
+TEST(MipSolution, AGq7ThatAlignsIsAVerticalGyroWithoutValidAttitude) {
+  const Sample known = over_boulder();
+  FilterUnit gq7("3dm-gq7", {0x10, 0x05, 0x06, 0x0A, 0x0B});
+  // The magnetometer gives the heading.
+  EXPECT_EQ(gq7.unit().code(hex("75650d2b2b52010000040000000000000000000000000000000000000000000000000000000000000000"
+                                "000000000296be")),
+            0);
+  for (int i = 0; i < 400; ++i) gq7.packet(aligning(known));
+  const auto valid = [&](const Bytes& packet) {
+    std::vector<int> all;
+    for (const std::uint8_t descriptor : Bytes{0x05, 0x06, 0x0A, 0x0B}) {
+      const Bytes data = field(packet, descriptor);
+      all.push_back(number_at<std::uint16_t>(data, data.size() - 2));
+    }
+    return all;
+  };
+  EXPECT_EQ(gq7.status(aligning(known)), Status(2, 2 | 0x0C)) << "vertical gyro";
+  EXPECT_EQ(valid(gq7.packet(aligning(known))), (std::vector<int>{0, 0, 0, 0}));
+  EXPECT_EQ(gq7.status(levelled(known)).first, 3) << "AHRS";
+  EXPECT_EQ(valid(gq7.packet(levelled(known))), (std::vector<int>{1, 1, 1, 1}));
+  EXPECT_EQ(gq7.status(aided(known)), Status(4, 1));
+}
+
+// The heading of two antennas is the receivers', which the filter's place says nothing about.
+TEST(MipSolution, AntennasHaveAHeadingWithAFix) {
+  const Sample known = over_boulder();
+  FilterUnit gq7("3dm-gq7", {0x49});
+  const auto tail = [&](const Sample& sample) {
+    const Bytes data = field(gq7.packet(sample), 0x49);
+    return data.size() < 12 ? Bytes() : Bytes(data.begin() + 12, data.end());
+  };
+  const Bytes fixed = {2, 0, 7, 0, 1}, none = {0, 0, 0, 0, 0};
+  EXPECT_EQ(tail(aligning(known, false)), none);
+  EXPECT_EQ(tail(aligning(known)), fixed);
+  EXPECT_EQ(tail(aided(known)), fixed);
+  EXPECT_EQ(tail(coasting(known, 5)), none);
+}
+
+// A receiver that has lost its fix goes on with its last place, but not into another alignment.
+TEST(MipSolution, TheLastFixEndsWithTheAlignmentsBegin) {
+  const Sample known = over_boulder();
+  Unit unit({{"model", std::string("3dm-gx5-45")}});
+  EXPECT_EQ(unit.code(command(0x0C, 0x0F, {1, 0x81, 1, 0x03, 0, 1})), 0);
+  const auto latitude = [&](const Sample& sample) {
+    unit.sample = sample;
+    Bytes last;
+    for (const Bytes& one : unit.run(500))
+      if (one[2] == 0x81) last = field(one, 0x03);
+    EXPECT_FALSE(last.empty());
+    return number_at<double>(last, 0);
+  };
+  EXPECT_EQ(latitude(aligning(known, false)), 0);
+  EXPECT_DOUBLE_EQ(latitude(aided(known)), 40);
+  EXPECT_DOUBLE_EQ(latitude(coasting(known, 5)), 40);
+  EXPECT_EQ(latitude(aligning(known, false)), 0);
+}
+
 // The biases are in the axes of the sensor; rate and accelerations, of the vehicle, are reduced by them.
 TEST(MipSolution, BiasesAndTheirUncertainties) {
   FilterUnit ins("3dm-gx5-45", {0x06, 0x0B, 0x0E, 0x1C, 0x0D, 0x05});
