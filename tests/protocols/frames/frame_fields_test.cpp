@@ -2,7 +2,9 @@
 // of bytes that were written by hand.
 #include <cmath>
 #include <cstring>
+#include <optional>
 #include <set>
+#include <string>
 
 #include "core/units.hpp"
 #include "protocols/frames/text/text_piece.hpp"
@@ -14,12 +16,12 @@ namespace {
 // A field as the description gives it, parsed here again.
 struct DescribedField {
   FrameSource source;
-  double lsb = 0;          // in the unit; 0: of a counter or a bit
-  double relative = 0;     // of floats
-  unsigned width = 64;     // bits of a counter
-  bool is_choice = false;  // of texts
+  double lsb = 0;       // in the unit; 0: of a counter or a bit
+  double relative = 0;  // of floats
+  unsigned width = 64;  // bits of a counter
   bool may_be_left_out = false;
-  std::string condition = {};  // of an optional element
+  std::string condition = {};             // of an optional element
+  std::optional<TextFormat> choice = {};  // of texts
 };
 
 std::vector<DescribedField> fields_of_bytes(const FrameDescription& description,
@@ -31,11 +33,11 @@ std::vector<DescribedField> fields_of_bytes(const FrameDescription& description,
       const FrameNumber& type = element.number;
       const double relative = type.format == FrameNumber::Format::float32 ? 1e-6 : type.is_float() ? 1e-13 : 1e-13;
       fields.push_back({element.source, type.is_float() ? 0 : std::abs(element.lsb), relative,
-                        static_cast<unsigned>(8 * type.bytes), false, false, element.condition});
+                        static_cast<unsigned>(8 * type.bytes), false, element.condition});
     }
     for (const FrameElement::BitField& bits : element.bit_fields)
       if (bits.source.kind != FrameSource::Kind::constant)
-        fields.push_back({bits.source, 0, 0, bits.high - bits.low + 1, false, false, element.condition});
+        fields.push_back({bits.source, 0, 0, bits.high - bits.low + 1, false, element.condition});
   }
   return fields;
 }
@@ -56,13 +58,32 @@ std::vector<DescribedField> fields_of_text(const FrameDescription& description,
     double step = piece.format.step();
     if (piece.format.value() == TextFormat::Value::seconds) step = 0.01;
     if (piece.format.value() == TextFormat::Value::degrees) step = 1e-6 / 60;
-    fields.push_back({piece.source, step * std::abs(piece.lsb), 1e-13, 64, is_choice, piece.format.may_be_empty()});
+    fields.push_back({piece.source,
+                      step * std::abs(piece.lsb),
+                      1e-13,
+                      64,
+                      piece.format.may_be_empty(),
+                      {},
+                      is_choice ? std::optional(piece.format) : std::nullopt});
   }
   return fields;
 }
 
 std::vector<DescribedField> fields_of(const FrameDescription& description, const FrameDescription::Message& message) {
   return message.text ? fields_of_text(description, message) : fields_of_bytes(description, message);
+}
+
+// Returns the value that is read where a choice stands for the number: of two texts 1 above 0; of several the number
+// itself, or the lowest with the same text.
+double wanted_of(const TextFormat& choice, double number) {
+  const auto written = [&](double value) {
+    std::string text(choice.longest(), ' ');
+    bool is_saturated = false;
+    text.resize(choice.write(value, text.data(), is_saturated));
+    return text;
+  };
+  if (choice.is_above(written(1))) return number > 0 ? 1 : 0;
+  return static_cast<double>(choice.choice_value(written(number)));
 }
 
 // Compares a value with the quantity of the sample, or with the test value if `given` is not nullptr.
@@ -93,8 +114,8 @@ void expect_field(const DescribedField& field, const FieldValue& value, const Re
   const double si = quantity->kind == MeasuredQuantity::Kind::time
                         ? 1e-9 * static_cast<double>(reading.sample.stamp().ns)
                         : number_of(*quantity, source.otherwise, reading, given);
-  if (field.is_choice) {  // of two texts, or of several, of which some are alike
-    EXPECT_TRUE(got == (si > 0 ? 1 : 0) || got == std::round(si)) << got << " for " << si;
+  if (field.choice) {
+    EXPECT_EQ(got, wanted_of(*field.choice, si)) << si;
     return;
   }
   if (source.kind == FrameSource::Kind::flag) {
