@@ -135,6 +135,9 @@ template <Solution::State State>
 double is_in(const Reading& r) noexcept {
   return r.sample.solution && r.sample.solution->state == State ? 1 : 0;
 }
+double navigates(const Reading& r) noexcept {
+  return is_in<Solution::State::coasting>(r) + is_in<Solution::State::aided>(r);
+}
 double navigation_state(const Reading& r) noexcept {
   return r.sample.solution ? 1 + static_cast<double>(r.sample.solution->state) : 0;
 }
@@ -294,11 +297,12 @@ constexpr MeasuredQuantity quantities[] = {
      navigation_state},
     anywhere("fix_age", "of its own solution: since the last fix that it used", key_units::time, fix_age),
     {"solution_is_aligning",
-     "1 while its own solution is in that state, else 0; the three below likewise",
+     "1 while its own solution is in that state, else 0; the four below likewise",
      {},
      is_in<Solution::State::aligning>},
     {"solution_is_coasting", "", {}, is_in<Solution::State::coasting>},
     {"solution_is_aided", "", {}, is_in<Solution::State::aided>},
+    {"solution_is_navigating", "coasting or aided", {}, navigates},
     {"solution_is_levelled", "an attitude without a place", {}, is_in<Solution::State::levelled>},
     {"aid_gnss_used",
      "1 where its own solution has used the aid when it was due last, else 0",

@@ -349,11 +349,16 @@ TEST(SolutionStatus, ThePlaceIsTheReceiversWhileTheFilterAligns) {
 }
 
 TEST(SolutionStatus, OfXsens) {
+  const auto status_word = [](const Sample& sample) { return big_endian(first_frames("xsens-mtdata2", sample), 49); };
   std::vector<unsigned> words;
-  for (const Sample& sample : phases(over_jena()))
-    words.push_back(big_endian(first_frames("xsens-mtdata2", sample), 49));
+  for (const Sample& sample : phases(over_jena())) words.push_back(status_word(sample));
   const unsigned valid = 2, fix = 4, mode_coasting = 1U << 23, mode_gnss = 3U << 23;
   EXPECT_EQ(words, (Numbers{valid, 0, fix, valid | fix | mode_gnss, valid | mode_coasting, valid | fix | mode_gnss}));
+  // An attitude alone, beside a place that is the truth's, or without any: it does not coast.
+  Sample levelled = navigating(over_jena(), Solution::State::levelled, {});
+  EXPECT_EQ(status_word(levelled), valid);
+  levelled.navigation = {};
+  EXPECT_EQ(status_word(levelled), valid);
 }
 
 }  // namespace
