@@ -277,7 +277,7 @@ TEST(SolutionStatus, OfNmea) {
 
 TEST(SolutionStatus, OfNmeaAttitude) {
   const auto pashr = sentences("nmea-attitude", "$PASHR");
-  EXPECT_EQ(word(pashr, 10), (Words{"1", "0", "0", "1", "6", "1"}));
+  EXPECT_EQ(word(pashr, 10), (Words{"1", "0", "0", "1", "1", "1"})) << "1: a position";
   EXPECT_EQ(word(pashr, 7), (Words{"0.101", "180.000", "180.000", "0.200", "0.400", "0.200"})) << "roll";
   EXPECT_EQ(word(pashr, 9), (Words{"0.267", "180.000", "180.000", "0.800", "1.500", "0.800"})) << "heading";
 }
