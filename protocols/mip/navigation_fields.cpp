@@ -1,6 +1,6 @@
 // The fields of the filter and of the receivers. They report the truth with the errors of the sample, and the
-// standard deviations of these as their accuracies; a unit with a filter of its own reports the filter's solution in
-// the fields of the filter, and its receiver's fix in those of the receivers.
+// standard deviations of these as their accuracies. Of a unit with a filter of its own, the filter's solution is in
+// the fields of the filter, and its receiver's fix in the receivers' fields.
 #include <chrono>
 #include <cmath>
 
@@ -69,8 +69,8 @@ void Fields::put_filter(Packet& packet, std::uint8_t descriptor, DeviceTime at) 
   const auto uncertainty = [&](Eigen::Vector3f Solution::*member, const Vector3& otherwise) {
     return solution ? of_filter(member) : otherwise;
   };
-  // The filter integrates what the sensors deliver: its biases include those that the host has set, which are
-  // subtracted already. It has none while it aligns, and of an attitude alone only the gyro's.
+  // The filter integrates what the sensors deliver: its biases include the ones that the host has set, which
+  // are subtracted already. It has none while it aligns, and of an attitude alone only the gyro's.
   const auto more_gyro_bias = [&]() -> Vector3 {
     if (!solution || is_in(Solution::State::aligning)) return Vector3::Zero();
     return of_filter(&Solution::gyro_bias) - memory_.active().gyro_bias;

@@ -1,5 +1,6 @@
 // VectorNav VN-100, VN-200 and VN-300: commands and streams. Layouts: vectornav.hpp. The estimates of the product's
-// filter are the truth; the filter's settings can be written and read, but change nothing. The windows of register 85
+// filter are the truth, or the solution of the unit's own filter, where the sample has one; the filter's settings can
+// be written and read, but change nothing. The windows of register 85
 // filter where its modes name compensated measurements (2, 3), and uncompensated ones with them. Its windows of
 // temperature and pressure change nothing. As in the product, compensations (registers 23, 25, 84) take effect
 // immediately, and the reference frame (26) at the next reset.
