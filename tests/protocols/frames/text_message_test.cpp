@@ -119,8 +119,8 @@ TEST(TextMessage, AnglesAndTimesOfDay) {
             "2,2.5,4.0,0.5,2.0\n");
   Sample aligning = text_sample();  // time and place are the receiver's; the place is left out, where it may be
   aligning.solution.emplace().receiver = std::exchange(aligning.navigation, {});
-  EXPECT_EQ(written("{time_of_day_s:hhmmss.ss} {latitude_deg:.1f} {latitude_deg:.1f?}\\n", aligning),
-            "160000.25 -48.5 \n");
+  EXPECT_EQ(written("{time_of_day_s:hhmmss.ss} {latitude_deg:.1f},{latitude_deg:.1f?}\\n", aligning),
+            "160000.25 -48.5,\n");
   Sample sample = text_sample();
   sample.navigation.gps_ns += 28'800'000'000'000 - 250'000'001;  // the last nanosecond of the day
   EXPECT_EQ(written("{time_of_day_s:hhmmss.ss}\\n", sample), "000000.00\n");
