@@ -87,10 +87,10 @@ TEST(ImuDecodeFields, OfTextThatIsLeftOutAreEmpty) {
   EXPECT_EQ(result.exit_code, 0) << result.errors;
   EXPECT_TRUE(
       result.output.starts_with("message,offset,GGA.time_of_day_s,GGA.latitude_deg,GGA.longitude_deg,"
-                                "GGA.gnss_fix,GGA.gnss_satellites,GGA.height_m,RMC.time_of_day_s,"))
+                                "GGA.position_quality,GGA.gnss_satellites,GGA.height_m,RMC.time_of_day_s,"))
       << result.output;
   EXPECT_TRUE(contains(result.output, "\nGGA,0,,,,0,0,,,")) << result.output;
-  EXPECT_TRUE(contains(result.output, "\nGGA,38,32015.25,48.1173,-11.5166666666667,1,8,545.4,,")) << result.output;
+  EXPECT_TRUE(contains(result.output, "\nGGA,38,32015.25,48.1173,-11.5166666666667,2,8,545.4,,")) << result.output;
 }
 
 TEST(ImuDecodeFields, NeedADescription) {
