@@ -81,14 +81,14 @@ class ServiceTest(unittest.TestCase):
         self.write(0.01)
         run = self.start()
         self.assertEqual(self.notification(), "READY=1")
-        self.write(0.02)
+        self.write(0.0234567)
         reloaded = self.reload()
         self.assertEqual(reloaded.returncode, 0, reloaded.stderr)
         run.terminate()
         self.assertEqual(self.notification(), "STOPPING=1")
         log, _ = run.communicate()
         self.assertEqual(run.returncode, 0, log)
-        self.assertIn("0.02", log)
+        self.assertIn("0.0234567", log)
 
     def test_reload_of_a_wrong_file_fails_and_changes_nothing(self):
         self.write(0.01)
@@ -100,7 +100,7 @@ class ServiceTest(unittest.TestCase):
         self.assertIn("bias_rad_per_s", refused.stderr)
         self.assertIsNone(run.poll())
         # What cannot change in a run is named, and refused whole.
-        self.write(0.03)
+        self.write(0.0345678)
         path = self.folder / "etc/bench.toml"
         path.write_text(path.read_text().replace("stim300", "vectornav"))
         refused = self.reload()
@@ -109,7 +109,7 @@ class ServiceTest(unittest.TestCase):
         run.terminate()
         log, _ = run.communicate()
         self.assertEqual(run.returncode, 0, log)
-        self.assertNotIn("0.03", log)
+        self.assertNotIn("0.0345678", log)
 
     def test_two_instances_beside_one_another(self):
         self.write(0.01, "a")
