@@ -7,7 +7,6 @@
 #include "core/earth/earth.hpp"
 #include "core/gps_time.hpp"
 #include "core/numbers/elementary.hpp"
-#include "protocols/measurements/calendar.hpp"
 
 namespace imud {
 namespace {
@@ -64,36 +63,50 @@ double rodrigues(const Reading& reading) noexcept {
   return component(reading.sample.q_LP, Index + 1) / (1 + component(reading.sample.q_LP, 0));
 }
 
-// --- Navigation: by the receiver while a filter has no place ---
-template <double Navigation::*Member>
-double place(const Reading& reading) noexcept {
-  return reading.sample.timed().*Member;
+// --- Navigation ---
+// Where it is from: the unit's own, which is the receiver's while a filter has no place, or the receiver's.
+using Source = const Navigation& (Sample::*)() const noexcept;
+constexpr Source own = &Sample::timed, received = &Sample::fix;
+template <Source From>
+const Navigation& navigation_of(const Reading& reading) noexcept {
+  return (reading.sample.*From)();
 }
-template <int Axis>
+
+template <Source From, double Navigation::*Member>
+double place(const Reading& reading) noexcept {
+  return navigation_of<From>(reading).*Member;
+}
+template <Source From, int Axis>
 double velocity_L(const Reading& reading) noexcept {
-  return reading.sample.timed().v_L[Axis];
+  return navigation_of<From>(reading).v_L[Axis];
+}
+template <Source From>
+double climb(const Reading& reading) noexcept {
+  return -velocity_L<From, 2>(reading);
+}
+template <Source From>
+double ground_speed(const Reading& reading) noexcept {
+  return navigation_of<From>(reading).v_L.template head<2>().norm();
+}
+template <Source From>
+double track(const Reading& reading) noexcept {
+  const Vector3& v = navigation_of<From>(reading).v_L;
+  return elementary::atan2(v.y(), v.x());
 }
 template <int Axis>
 double velocity_P(const Reading& reading) noexcept {
-  return (reading.sample.q_LP.conjugate() * reading.sample.timed().v_L)[Axis];
+  return (reading.sample.q_LP.conjugate() * navigation_of<own>(reading).v_L)[Axis];
 }
-
 template <int Axis>
 double position(const Reading& reading) noexcept {
-  return reading.sample.timed().r_E[Axis];
+  return navigation_of<own>(reading).r_E[Axis];
 }
 template <int Axis>
 double relative_position(const Reading& reading) noexcept {
-  const Navigation& navigation = reading.sample.timed();
+  const Navigation& navigation = navigation_of<own>(reading);
   return navigation.is_known ? r_L_from_origin(navigation)[Axis] : 0;
 }
-double speed(const Reading& reading) noexcept { return reading.sample.timed().v_L.norm(); }
-double ground_speed(const Reading& reading) noexcept { return reading.sample.timed().v_L.head<2>().norm(); }
-double track(const Reading& reading) noexcept {
-  const Vector3& v = reading.sample.timed().v_L;
-  return elementary::atan2(v.y(), v.x());
-}
-double climb(const Reading& reading) noexcept { return -reading.sample.timed().v_L.z(); }
+double speed(const Reading& reading) noexcept { return navigation_of<own>(reading).v_L.norm(); }
 
 // --- Calendar: UTC in the present number of leap seconds; 0 where the time is not known ---
 namespace chrono = std::chrono;
@@ -165,21 +178,6 @@ double deviation(const Reading& r) noexcept {
   return static_cast<double>(((*r.sample.solution).*Member)[Axis]);
 }
 
-template <double Navigation::*Member>
-double fixed_place(const Reading& r) noexcept {
-  return r.sample.fix().*Member;
-}
-template <int Axis>
-double fixed_velocity(const Reading& r) noexcept {
-  return r.sample.fix().v_L[Axis];
-}
-double fixed_climb(const Reading& r) noexcept { return -r.sample.fix().v_L.z(); }
-double fixed_speed(const Reading& r) noexcept { return r.sample.fix().v_L.head<2>().norm(); }
-double fixed_track(const Reading& r) noexcept {
-  const Vector3& v = r.sample.fix().v_L;
-  return elementary::atan2(v.y(), v.x());
-}
-
 double temperature(const Reading& r) noexcept { return r.sample.temperature_c; }
 void put_temperature(double value, ReadBack& read) noexcept {
   read.measurement.sample.temperature_c = value;
@@ -187,13 +185,21 @@ void put_temperature(double value, ReadBack& read) noexcept {
 }
 double pressure(const Reading& r) noexcept { return r.sample.pressure; }
 
-constexpr MeasuredQuantity at_place(std::string_view name, std::string_view help, std::span<const KeyUnit> units,
-                                    double (*get)(const Reading&) noexcept) {
-  return {.name = name, .help = help, .units = units, .get = get, .needs_place = true};
-}
 constexpr MeasuredQuantity anywhere(std::string_view name, std::string_view help, std::span<const KeyUnit> units,
                                     double (*get)(const Reading&) noexcept) {
-  return {.name = name, .help = help, .units = units, .get = get};
+  return {.name = name, .help = help, .units = units, .get = get, .needs = MeasuredQuantity::Needs::nothing};
+}
+constexpr MeasuredQuantity at_place(std::string_view name, std::string_view help, std::span<const KeyUnit> units,
+                                    double (*get)(const Reading&) noexcept) {
+  return {.name = name, .help = help, .units = units, .get = get, .needs = MeasuredQuantity::Needs::place};
+}
+constexpr MeasuredQuantity at_time(std::string_view name, std::string_view help, std::span<const KeyUnit> units,
+                                   double (*get)(const Reading&) noexcept) {
+  return {.name = name, .help = help, .units = units, .get = get, .needs = MeasuredQuantity::Needs::time};
+}
+constexpr MeasuredQuantity with_fix(std::string_view name, std::string_view help, std::span<const KeyUnit> units,
+                                    double (*get)(const Reading&) noexcept) {
+  return {.name = name, .help = help, .units = units, .get = get, .needs = MeasuredQuantity::Needs::fix};
 }
 
 using enum MeasuredQuantity::Kind;
@@ -255,20 +261,20 @@ constexpr MeasuredQuantity quantities[] = {
     {"acceleration_y", "", key_units::acceleration, acceleration<1>},
     {"acceleration_z", "", key_units::acceleration, acceleration<2>},
     at_place("latitude", "geodetic, WGS 84; the receiver's while its own solution has no place", key_units::angle,
-             place<&Navigation::latitude>),
-    at_place("longitude", "", key_units::angle, place<&Navigation::longitude>),
-    at_place("height", "above the ellipsoid", key_units::length, place<&Navigation::height>),
+             place<own, &Navigation::latitude>),
+    at_place("longitude", "", key_units::angle, place<own, &Navigation::longitude>),
+    at_place("height", "above the ellipsoid", key_units::length, place<own, &Navigation::height>),
     at_place("position_north", "from where the first truth was, or from the local level's origin; axes there",
              key_units::length, relative_position<0>),
     at_place("position_east", "", key_units::length, relative_position<1>),
     at_place("position_down", "", key_units::length, relative_position<2>),
-    at_place("velocity_north", "velocity relative to the Earth", key_units::speed, velocity_L<0>),
-    at_place("velocity_east", "", key_units::speed, velocity_L<1>),
-    at_place("velocity_down", "", key_units::speed, velocity_L<2>),
-    at_place("velocity_up", "", key_units::speed, climb),
+    at_place("velocity_north", "velocity relative to the Earth", key_units::speed, velocity_L<own, 0>),
+    at_place("velocity_east", "", key_units::speed, velocity_L<own, 1>),
+    at_place("velocity_down", "", key_units::speed, velocity_L<own, 2>),
+    at_place("velocity_up", "", key_units::speed, climb<own>),
     at_place("speed", "magnitude of the velocity", key_units::speed, speed),
-    at_place("ground_speed", "its horizontal part", key_units::speed, ground_speed),
-    at_place("track", "its direction, from north to east", key_units::angle, track),
+    at_place("ground_speed", "its horizontal part", key_units::speed, ground_speed<own>),
+    at_place("track", "its direction, from north to east", key_units::angle, track<own>),
     at_place("velocity_x", "the same in the axes of the sensor", key_units::speed, velocity_P<0>),
     at_place("velocity_y", "", key_units::speed, velocity_P<1>),
     at_place("velocity_z", "", key_units::speed, velocity_P<2>),
@@ -276,21 +282,21 @@ constexpr MeasuredQuantity quantities[] = {
     at_place("r_E_y", "", key_units::length, position<1>),
     at_place("r_E_z", "", key_units::length, position<2>),
     {"time", "clock of the sensor; wraps", key_units::time, nullptr, nullptr, time},
-    at_place("utc_year", "UTC; all are 0 where the truth has no date", {}, utc<year>),
-    at_place("utc_month", "", {}, utc<month>),
-    at_place("utc_day", "", {}, utc<day>),
-    at_place("utc_hour", "", {}, utc<since<chrono::hours, chrono::days>>),
-    at_place("utc_minute", "", {}, utc<since<chrono::minutes, chrono::hours>>),
-    at_place("utc_second", "", {}, utc<since<chrono::seconds, chrono::minutes>>),
-    at_place("day_of_year", "from 1", {}, utc<day_of_year>),
-    at_place("time_of_day", "UTC", key_units::time, utc<time_of_day>),
-    at_place("unix_time", "UTC, since 1970", key_units::time, utc<unix_time>),
-    at_place("utc_subsecond", "in steps of 0.1 ms", key_units::time, utc<subsecond>),
-    at_place("gps_week", "GPS time", {}, gps_week),
-    at_place("gps_time_of_week", "", key_units::time, time_of_week),
-    at_place("gps_time", "since 1980-01-06", key_units::time, gps_time),
-    at_place("gnss_fix", "1 while the receiver has a fix, else 0", {}, fix),
-    at_place("gnss_satellites", "that the receiver uses", {}, satellites),
+    at_time("utc_year", "UTC; all are 0 where the truth has no date", {}, utc<year>),
+    at_time("utc_month", "", {}, utc<month>),
+    at_time("utc_day", "", {}, utc<day>),
+    at_time("utc_hour", "", {}, utc<since<chrono::hours, chrono::days>>),
+    at_time("utc_minute", "", {}, utc<since<chrono::minutes, chrono::hours>>),
+    at_time("utc_second", "", {}, utc<since<chrono::seconds, chrono::minutes>>),
+    at_time("day_of_year", "from 1", {}, utc<day_of_year>),
+    at_time("time_of_day", "UTC", key_units::time, utc<time_of_day>),
+    at_time("unix_time", "UTC, since 1970", key_units::time, utc<unix_time>),
+    at_time("utc_subsecond", "in steps of 0.1 ms", key_units::time, utc<subsecond>),
+    at_time("gps_week", "GPS time", {}, gps_week),
+    at_time("gps_time_of_week", "", key_units::time, time_of_week),
+    at_time("gps_time", "since 1980-01-06", key_units::time, gps_time),
+    with_fix("gnss_fix", "1 while the receiver has a fix, else 0", {}, fix),
+    with_fix("gnss_satellites", "that the receiver uses", {}, satellites),
     {"navigation_state",
      "0 truth; of the unit's own solution: 1 aligning, 2 coasting, 3 aided, 4 an attitude without a place",
      {},
@@ -322,29 +328,34 @@ constexpr MeasuredQuantity quantities[] = {
     anywhere("position_sigma_north", "", key_units::length, deviation<&Solution::position, 0>),
     anywhere("position_sigma_east", "", key_units::length, deviation<&Solution::position, 1>),
     anywhere("position_sigma_down", "", key_units::length, deviation<&Solution::position, 2>),
-    anywhere("gnss_latitude", "fix of the receiver, without the unit's own solution", key_units::angle,
-             fixed_place<&Navigation::latitude>),
-    anywhere("gnss_longitude", "", key_units::angle, fixed_place<&Navigation::longitude>),
-    anywhere("gnss_height", "", key_units::length, fixed_place<&Navigation::height>),
-    anywhere("gnss_velocity_north", "", key_units::speed, fixed_velocity<0>),
-    anywhere("gnss_velocity_east", "", key_units::speed, fixed_velocity<1>),
-    anywhere("gnss_velocity_down", "", key_units::speed, fixed_velocity<2>),
-    anywhere("gnss_velocity_up", "", key_units::speed, fixed_climb),
-    anywhere("gnss_ground_speed", "", key_units::speed, fixed_speed),
-    anywhere("gnss_track", "", key_units::angle, fixed_track),
+    with_fix("gnss_latitude", "fix of the receiver, without the unit's own solution", key_units::angle,
+             place<received, &Navigation::latitude>),
+    with_fix("gnss_longitude", "", key_units::angle, place<received, &Navigation::longitude>),
+    with_fix("gnss_height", "", key_units::length, place<received, &Navigation::height>),
+    with_fix("gnss_velocity_north", "", key_units::speed, velocity_L<received, 0>),
+    with_fix("gnss_velocity_east", "", key_units::speed, velocity_L<received, 1>),
+    with_fix("gnss_velocity_down", "", key_units::speed, velocity_L<received, 2>),
+    with_fix("gnss_velocity_up", "", key_units::speed, climb<received>),
+    with_fix("gnss_ground_speed", "", key_units::speed, ground_speed<received>),
+    with_fix("gnss_track", "", key_units::angle, track<received>),
     {"sample_counter", "wraps", {}, nullptr, nullptr, counter},
     {"status", "bits of core/sample.hpp", {}, nullptr, nullptr, status},
 };
 
 }  // namespace
 
-bool is_calendar(const MeasuredQuantity& quantity) noexcept {
-  constexpr auto index_of = [](std::string_view name) {
-    return std::ranges::find(quantities, name, &MeasuredQuantity::name) - std::begin(quantities);
-  };
-  constexpr std::ptrdiff_t first = index_of("utc_year"), last = index_of("gps_time");
-  const std::ptrdiff_t index = &quantity - quantities;
-  return index >= first && index <= last;
+bool MeasuredQuantity::is_known(const Sample& sample) const noexcept {
+  switch (needs) {
+    case Needs::place:
+      return sample.navigation.is_known;
+    case Needs::time:
+      return sample.timed().is_known;
+    case Needs::fix:
+      return sample.fix().is_known;
+    case Needs::nothing:
+    default:
+      return true;
+  }
 }
 
 std::span<const MeasuredQuantity> measured_quantities() noexcept { return quantities; }

@@ -7,7 +7,6 @@
 #include <limits>
 
 #include "core/units.hpp"
-#include "protocols/measurements/calendar.hpp"
 
 namespace imud {
 namespace {
@@ -68,8 +67,7 @@ bool is_left_out(const TextPiece& piece, const Reading& reading, const FrameTest
   if (given != nullptr)
     return quantity != nullptr && quantity->kind == MeasuredQuantity::Kind::number && !given->has(*quantity);
   if ((reading.sample.status & status::not_valid) != 0) return true;
-  if (quantity == nullptr || !quantity->needs_place) return false;
-  return !(is_calendar(*quantity) ? reading.sample.timed() : reading.sample.navigation).is_known;
+  return quantity != nullptr && !quantity->is_known(reading.sample);
 }
 
 }  // namespace

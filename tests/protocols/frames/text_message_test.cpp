@@ -121,6 +121,9 @@ TEST(TextMessage, AnglesAndTimesOfDay) {
   aligning.solution.emplace().receiver = std::exchange(aligning.navigation, {});
   EXPECT_EQ(written("{time_of_day_s:hhmmss.ss} {latitude_deg:.1f},{latitude_deg:.1f?}\\n", aligning),
             "160000.25 -48.5,\n");
+  const std::string of_receiver = "{gnss_latitude_deg:.1f?},{gnss_satellites:02d?},{latitude_deg:.1f?}\\n";
+  EXPECT_EQ(written(of_receiver, aligning), "-48.5,09,\n");
+  EXPECT_EQ(written(of_receiver, own), ",,-48.5\n");  // it coasts without a fix
   Sample sample = text_sample();
   sample.navigation.gps_ns += 28'800'000'000'000 - 250'000'001;  // the last nanosecond of the day
   EXPECT_EQ(written("{time_of_day_s:hhmmss.ss}\\n", sample), "000000.00\n");
