@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/navigation/covariance_update.hpp"
 #include "core/numbers/elementary.hpp"
 
 namespace imud {
@@ -204,18 +205,13 @@ void InertialFilter::update(const Measurement& measurement) noexcept {
   e_ += aid_change;
 }
 
-// (I - k h) P (I - k h)^T + k r k^T = P - k (P h)^T - (P h) k^T + s k k^T, where s = h P h^T + r, for the states and
-// the aids' errors together.
+// correct() for the states and the aids' errors together.
 void InertialFilter::update_row(const Row& row, State& change, AidErrors& aid_change) noexcept {
   const Vector3& axis_N = row.axis_N;
   const int first = row.first;
-  State Ph;
-  for (int i = 0; i < states; ++i)
-    Ph[i] = P_(i, first) * axis_N[0] + P_(i, first + 1) * axis_N[1] + P_(i, first + 2) * axis_N[2];
+  State Ph = times_axis(P_, first, axis_N);
   if (row.error >= 0) Ph += C_.col(row.error);
-  const auto along = [&](const State& x) {
-    return axis_N[0] * x[first] + axis_N[1] * x[first + 1] + axis_N[2] * x[first + 2];
-  };
+  const auto along = [&](const State& x) { return along_axis(x, first, axis_N); };
   AidErrors Dh = AidErrors::Zero();  // of the aids' errors, as Ph of the states
   for (int i = 0; i < aid_count_; ++i) {
     Dh[i] = along(C_.col(i));
@@ -226,9 +222,7 @@ void InertialFilter::update_row(const Row& row, State& change, AidErrors& aid_ch
     s += Dh[row.error];
     innovation -= aid_change[row.error];
   }
-  const State k = Ph / s;
-  for (int i = 0; i < states; ++i)
-    for (int j = 0; j <= i; ++j) P_(i, j) = P_(j, i) = P_(i, j) - k[i] * Ph[j] - Ph[i] * k[j] + s * (k[i] * k[j]);
+  const State k = correct(P_, Ph, s);
   change += k * innovation;
   for (int j = 0; j < aid_count_; ++j) {
     const double of_aid = Dh[j] / s;
