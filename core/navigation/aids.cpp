@@ -90,9 +90,7 @@ void Navigator::use_heading(const Sample& sample, const At& at) noexcept {
   const PositionVelocity position = position_of(at);
   const Quaternion q_LN = earth_.q_LN(position, here);
   const Vector3 field = q_LN * (filter_.motion().q_NP * sample.magnetic_field), model = earth_.magnetic_field_L(here);
-  constexpr double least = 1e-6;  // T, of the horizontal part: near the poles of the field there is no heading
-  const auto is_steep = [](const Vector3& b) { return b.x() * b.x() + b.y() * b.y() < least * least; };
-  if (is_steep(field) || is_steep(model)) return;
+  if (!has_azimuth(field) || !has_azimuth(model)) return;
   const InertialFilter::Measurement heading = azimuth_measurement(model, field, q_LN, model_.heading);
   filter_.propagate();
   ++(use(aid::magnetic_heading, heading) ? headings_.used : headings_.rejected);

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "core/attitude.hpp"
+#include "core/navigation/azimuth.hpp"
 #include "core/units.hpp"
 
 namespace imud {
@@ -14,24 +15,14 @@ using Filter = AttitudeFilter;
 
 double square(double x) { return x * x; }
 
-std::uint64_t samples_between(double rate_hz, double aid_hz) {
-  return aid_hz > 0 ? static_cast<std::uint64_t>(std::max(1.0, std::floor(rate_hz / aid_hz + 0.5))) : 0;
-}
-
 double gravity_of(const GravitationModel& gravitation) {
   const bool is_constant = gravitation.kind == GravitationModel::Kind::constant && gravitation.constant != 0;
   return is_constant ? std::abs(gravitation.constant) : units::standard_gravity;
 }
 
-bool are_apart(const Vector3& a, const Vector3& b) {
-  constexpr double least_sine2 = 1e-4;
-  return a.cross(b).squaredNorm() > least_sine2 * a.squaredNorm() * b.squaredNorm();
-}
+constexpr double least_sine2 = 1e-4;  // of directions that make an attitude
 
 Vector3 horizontal(const Vector3& v) { return {v.x(), v.y(), 0.0}; }
-
-// Near the poles of the field there is no heading.
-bool is_steep(const Vector3& field_L) { return horizontal(field_L).squaredNorm() < 1e-12; }  // 1 uT
 
 }  // namespace
 
@@ -80,7 +71,7 @@ void AttitudeReference::find_north(const Sample& sample) noexcept {
   if (knows_north_ || !sample.navigation.is_known) return;
   knows_north_ = true;
   const Vector3 model_L = earth_.magnetic_field_L(sample.navigation);
-  north_ = is_steep(model_L) ? Vector3(Vector3::UnitX()) : horizontal(model_L).normalized();
+  north_ = has_azimuth(model_L) ? horizontal(model_L).normalized() : Vector3(Vector3::UnitX());
 }
 
 void AttitudeReference::align(const Sample& sample, double dt) noexcept {
@@ -95,7 +86,7 @@ void AttitudeReference::align(const Sample& sample, double dt) noexcept {
   constexpr double tiny = 1e-6;  // s, rad
   if (model_.alignment == NavigatorModel::Alignment::truth) {
     const Vector3 field_L = sample.q_LP * sample.magnetic_field;
-    if (!knows_north_ && !is_steep(field_L)) north_ = horizontal(field_L).normalized();
+    if (!knows_north_ && has_azimuth(field_L)) north_ = horizontal(field_L).normalized();
     return begin_filter(sample.q_LP, {tiny, tiny}, field_L);
   }
   const double t = alignment_.time_s();
@@ -117,10 +108,10 @@ Quaternion AttitudeReference::levelled(const Sample& sample) const noexcept {
   const Vector3 field = has_sums ? alignment_.magnetic_field_P0() : sample.magnetic_field;
   if (up.isZero(0.0)) return Quaternion::Identity();
   Vector3 ahead_L = north_, ahead_P0 = field;
-  if (!are_apart(up, field)) {
+  if (!are_apart(up, field, least_sine2)) {
     ahead_L = Vector3::UnitX();
     ahead_P0 = q_P0P * Vector3::UnitX();
-    if (!are_apart(up, ahead_P0)) ahead_P0 = q_P0P * Vector3::UnitZ();
+    if (!are_apart(up, ahead_P0, least_sine2)) ahead_P0 = q_P0P * Vector3::UnitZ();
   }
   return (rotation_of_pairs(-Vector3::UnitZ(), ahead_L, up, ahead_P0) * q_P0P).normalized();
 }
@@ -136,7 +127,7 @@ void AttitudeReference::begin_filter(const Quaternion& q_LP, const Vector2& sigm
   is_rejecting_ = false;
   used_ = rejected_ = 0;
   field_.reset();
-  if (is_steep(field_L)) return;
+  if (!has_azimuth(field_L)) return;
   field_ = field_of(field_L);
   filter_.update(heading_by(field_L));
 }
@@ -160,7 +151,7 @@ void AttitudeReference::use_heading(const Sample& sample) noexcept {
   used_ = static_cast<std::uint16_t>(used_ & ~aid::magnetic_heading);
   rejected_ = static_cast<std::uint16_t>(rejected_ & ~aid::magnetic_heading);
   const Vector3 field_L = filter_.q_LP() * sample.magnetic_field;
-  if (is_steep(field_L)) return;
+  if (!has_azimuth(field_L)) return;
   if (!field_) {
     find_north(sample);
     field_ = field_of(field_L);

@@ -4,6 +4,11 @@
 
 namespace imud {
 
+bool has_azimuth(const Vector3& field_L) noexcept {
+  constexpr double least = 1e-6;  // T
+  return field_L.x() * field_L.x() + field_L.y() * field_L.y() >= least * least;
+}
+
 InertialFilter::Measurement azimuth_measurement(const Vector3& measured_L, const Vector3& estimated_L,
                                                 const Quaternion& q_LN, double sigma) noexcept {
   const Vector3 &to = measured_L, &from = estimated_L;

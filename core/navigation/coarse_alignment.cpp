@@ -21,6 +21,10 @@ Quaternion rotation_of_pairs(const Vector3& first_A, const Vector3& second_A, co
   return Quaternion(Matrix3(frame_of(first_A, second_A) * frame_of(first_B, second_B).transpose())).normalized();
 }
 
+bool are_apart(const Vector3& a, const Vector3& b, double least_sine2) noexcept {
+  return a.cross(b).squaredNorm() > least_sine2 * a.squaredNorm() * b.squaredNorm();
+}
+
 void CoarseAlignment::add(const Vector3& delta_angle, const Vector3& delta_velocity, double dt,
                           const Vector3& magnetic_field) noexcept {
   time_s_ += dt;

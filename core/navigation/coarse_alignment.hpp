@@ -11,6 +11,9 @@ namespace imud {
 Quaternion rotation_of_pairs(const Vector3& first_A, const Vector3& second_A, const Vector3& first_B,
                              const Vector3& second_B) noexcept;
 
+// Returns whether the square of the sine of the angle between them is above `least_sine2`; neither is 0 then.
+bool are_apart(const Vector3& a, const Vector3& b, double least_sine2) noexcept;
+
 // Sums up the increments of a window in the platform's axes at its begin, P0. In any motion, the sum of the delta-
 // velocities is the change of the velocity less the gravitation's, resolved in P0. Nothing here allocates, locks or
 // throws; the same bits on every machine.

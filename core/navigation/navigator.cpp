@@ -10,10 +10,6 @@
 namespace imud {
 namespace {
 
-std::uint64_t samples_between(double rate_hz, double aid_hz) {
-  return aid_hz > 0 ? static_cast<std::uint64_t>(std::max(1.0, std::floor(rate_hz / aid_hz + 0.5))) : 0;
-}
-
 std::uint64_t samples_of(Nanoseconds latency, double rate_hz) {
   return static_cast<std::uint64_t>(seconds(latency) * rate_hz + 0.5);
 }
@@ -214,10 +210,7 @@ std::optional<Navigator::Aligned> Navigator::coarse_attitude(const PositionVeloc
     sigma.y() = sideslip;
   }
   constexpr double least_sine2 = 1e-2;
-  const auto are_apart = [](const Vector3& a, const Vector3& b) {
-    return a.cross(b).squaredNorm() > least_sine2 * a.squaredNorm() * b.squaredNorm();
-  };
-  if (!are_apart(first_N, second_N) || !are_apart(first_P0, second_P0)) return std::nullopt;
+  if (!are_apart(first_N, second_N, least_sine2) || !are_apart(first_P0, second_P0, least_sine2)) return std::nullopt;
   return Aligned{rotation_of_pairs(first_N, second_N, first_P0, second_P0) * alignment_.q_P0P(), sigma};
 }
 
@@ -289,7 +282,7 @@ void Navigator::write_aligning(Sample& sample, double dt) noexcept {
   *up_P_ += std::min(1.0, dt / model_.alignment_s) * (sample.specific_force - *up_P_);
   const Vector3 up = *up_P_, field = sample.magnetic_field;
   const Vector3 ahead = field.isZero(0.0) ? Vector3(Vector3::UnitX()) : field;
-  const bool is_level = up.cross(ahead).squaredNorm() > 1e-6 * up.squaredNorm() * ahead.squaredNorm();
+  const bool is_level = are_apart(up, ahead, 1e-6);
   sample.q_LP = is_level ? rotation_of_pairs(-Vector3::UnitZ(), Vector3::UnitX(), up, ahead) : Quaternion::Identity();
   sample.navigation = {};
   sample.solution->attitude.setConstant(static_cast<float>(units::pi));  // anything, as far as is known

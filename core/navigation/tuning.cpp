@@ -46,6 +46,10 @@ Tuning tuning_of(const TriadErrors& errors, double internal_hz) {
 
 }  // namespace
 
+std::uint64_t samples_between(double rate_hz, double aid_hz) noexcept {
+  return aid_hz > 0 ? static_cast<std::uint64_t>(std::max(1.0, std::floor(rate_hz / aid_hz + 0.5))) : 0;
+}
+
 void tune(NavigatorModel& navigator, const ImuModel& imu) noexcept {
   const double internal_hz = imu.rate_hz * imu.internal_samples;
   const Tuning gyro = tuning_of(imu.gyro, internal_hz), accelerometer = tuning_of(imu.accelerometer, internal_hz);
