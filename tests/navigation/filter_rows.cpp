@@ -11,8 +11,8 @@
 //
 // OUT: at each aid, before it: estimates, the innovations, less the aids' errors, in the order of the aids as rows of
 // 12, and the four normalised squares; after the last step of each epoch, and after its aid: estimates. Estimates are
-// the state, the errors of the aids, the covariance (15 x 15), that of the states with the aids' errors (7 columns of
-// 15), and that of the aids' errors (7 x 7).
+// the state, the errors of the aids, and the covariances of the states (15 x 15), of the states with the aids' errors
+// (7 columns of 15), and of the aids' errors (7 x 7).
 #include <array>
 #include <cstdio>
 #include <cstdlib>

@@ -187,7 +187,7 @@ TEST(InertialFilter, EstimatesTheErrorOfAnAid) {
   EXPECT_NEAR(filter.covariance()(8, 8), 4 - 16.0 / 14, 1e-12);
   EXPECT_NEAR(filter.aid_covariance()(0, 0), 9 - 81.0 / 14, 1e-12);
   EXPECT_NEAR(filter.cross_covariance()(8, 0), -36.0 / 14, 1e-12);
-  // What is not explained is 7 - 2 - 4.5.
+  // Of the 7 m the state explains 2, and the error of the aid 4.5: 0.5 are left.
   Filter::Measurement again = down;
   again.innovation[0] = 5;
   EXPECT_NEAR(filter.normalized_square(again), 0.25 / (1 + 13.0 / 14), 1e-12);

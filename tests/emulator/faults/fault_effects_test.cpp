@@ -1,4 +1,4 @@
-// What faults did to the solution that a unit computes itself: the largest errors, in the labels.
+// Labels have the largest errors that faults caused in the solution that a unit computes itself.
 #include <gtest/gtest.h>
 
 #include <string>

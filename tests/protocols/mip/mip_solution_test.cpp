@@ -152,6 +152,11 @@ TEST(MipSolution, TheLastFixEndsWithTheAlignmentsBegin) {
 }
 
 // The biases are in the axes of the sensor; rate and accelerations, of the vehicle, are reduced by them.
+Vector3 three(const Bytes& packet, std::uint8_t descriptor) {
+  const Bytes data = field(packet, descriptor);
+  return {number(data, 0), number(data, 1), number(data, 2)};
+}
+
 TEST(MipSolution, BiasesAndTheirUncertainties) {
   FilterUnit ins("3dm-gx5-45", {0x06, 0x0B, 0x0E, 0x1C, 0x0D, 0x05});
   // Yaw of the sensor in the vehicle: x of the vehicle is y of the sensor.
@@ -165,10 +170,6 @@ TEST(MipSolution, BiasesAndTheirUncertainties) {
   sample.solution->gyro_bias = {0.125F, 0, 0};
   sample.solution->gyro_bias_sigma = {0.001F, 0.002F, 0.003F};
   sample.solution->accelerometer_bias = {0, 0.5F, 0};
-  const auto three = [](const Bytes& packet, std::uint8_t descriptor) {
-    const Bytes data = field(packet, descriptor);
-    return Vector3(number(data, 0), number(data, 1), number(data, 2));
-  };
   const Bytes with = ins.packet(sample);
   EXPECT_EQ(three(with, 0x06), Vector3(0.125, 0, 0));
   EXPECT_LT((three(with, 0x0B) - Vector3(0.001, 0.002, 0.003)).norm(), 1e-9);
@@ -195,10 +196,6 @@ TEST(MipSolution, BiasesOfTheHostAreSubtractedOnce) {
   sample.specific_force = {1, 2, -10};
   sample.solution->gyro_bias = {0.125F, 0, 0};
   sample.solution->accelerometer_bias = {0, 0.5F, 0};
-  const auto three = [](const Bytes& packet, std::uint8_t descriptor) {
-    const Bytes data = field(packet, descriptor);
-    return Vector3(number(data, 0), number(data, 1), number(data, 2));
-  };
   const Bytes both = ins.packet(sample);
   EXPECT_LT((three(both, 0x06) - Vector3(0.0625, 0, 0)).norm(), 1e-7) << "the rest of the filter's";
   EXPECT_LT((three(both, 0x0E) - Vector3(0.375, 0.25, 0)).norm(), 1e-6);
