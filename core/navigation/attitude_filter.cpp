@@ -7,11 +7,7 @@
 #include "core/numbers/elementary.hpp"
 
 namespace imud {
-namespace {
-
-double square(double x) { return x * x; }
-
-}  // namespace
+namespace {}  // namespace
 
 void AttitudeFilter::begin(const Quaternion& q_LP, const Covariance& covariance) noexcept {
   strapdown_.begin({.q_NP = q_LP});

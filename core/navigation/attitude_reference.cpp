@@ -13,14 +13,10 @@ namespace {
 
 using Filter = AttitudeFilter;
 
-double square(double x) { return x * x; }
-
 double gravity_of(const GravitationModel& gravitation) {
   const bool is_constant = gravitation.kind == GravitationModel::Kind::constant && gravitation.constant != 0;
   return is_constant ? std::abs(gravitation.constant) : units::standard_gravity;
 }
-
-constexpr double least_sine2 = 1e-4;  // of directions that make an attitude
 
 Vector3 horizontal(const Vector3& v) { return {v.x(), v.y(), 0.0}; }
 
@@ -108,6 +104,7 @@ Quaternion AttitudeReference::levelled(const Sample& sample) const noexcept {
   const Vector3 field = has_sums ? alignment_.magnetic_field_P0() : sample.magnetic_field;
   if (up.isZero(0.0)) return Quaternion::Identity();
   Vector3 ahead_L = north_, ahead_P0 = field;
+  constexpr double least_sine2 = 1e-4;
   if (!are_apart(up, field, least_sine2)) {
     ahead_L = Vector3::UnitX();
     ahead_P0 = q_P0P * Vector3::UnitX();

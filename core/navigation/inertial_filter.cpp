@@ -114,7 +114,6 @@ void InertialFilter::propagate() noexcept {
     transition.apply(C_);
     decay_aid_errors(t);
   }
-  const auto square = [](double x) { return x * x; };
   constexpr double manoeuvre_s = InertialNoise::manoeuvre_s;
   const double manoeuvre2_s = (dv_N_ + t * g_N).squaredNorm() / t;  // the integral of the squared acceleration
   const double angle = square(noise_.gyro) * t + manoeuvre_s * (square(noise_.gyro_scale) * turns2_s_ +

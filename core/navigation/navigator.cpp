@@ -216,18 +216,18 @@ std::optional<Navigator::Aligned> Navigator::coarse_attitude(const PositionVeloc
 
 void Navigator::begin_filter(const PositionVelocity& now, const Sample& sample, const At& at, const Quaternion& q_NP,
                              const Vector2& sigma, double more_gyro_bias) noexcept {
-  using Filter = InertialFilter;
+  using Inertial = InertialFilter;
   const Matrix3 axes = q_NL(now, sample.fix()).toRotationMatrix();
-  Filter::Covariance P = Filter::Covariance::Zero();
-  P.block<3, 3>(Filter::phi, Filter::phi) = turned(axes, {sigma.x(), sigma.x(), sigma.y()});
-  P.block<3, 3>(Filter::velocity, Filter::velocity) =
+  Inertial::Covariance P = Inertial::Covariance::Zero();
+  P.block<3, 3>(Inertial::phi, Inertial::phi) = turned(axes, {sigma.x(), sigma.x(), sigma.y()});
+  P.block<3, 3>(Inertial::velocity, Inertial::velocity) =
       turned(axes, model_.velocity) + turned(axes, model_.slow_velocity);
-  P.block<3, 3>(Filter::position, Filter::position) =
+  P.block<3, 3>(Inertial::position, Inertial::position) =
       turned(axes, model_.position) + turned(axes, model_.slow_position);
-  P.block<3, 3>(Filter::gyro_bias, Filter::gyro_bias)
+  P.block<3, 3>(Inertial::gyro_bias, Inertial::gyro_bias)
       .diagonal()
       .setConstant(model_.gyro_bias * model_.gyro_bias + more_gyro_bias * more_gyro_bias);
-  P.block<3, 3>(Filter::accelerometer_bias, Filter::accelerometer_bias)
+  P.block<3, 3>(Inertial::accelerometer_bias, Inertial::accelerometer_bias)
       .diagonal()
       .setConstant(model_.accelerometer_bias * model_.accelerometer_bias);
   const double age_s = seconds(at.time - now.time);
@@ -235,8 +235,8 @@ void Navigator::begin_filter(const PositionVelocity& now, const Sample& sample, 
   filter_.begin({q_NP, now.v_N + change, now.r_N + age_s * (now.v_N + 0.5 * change)}, Vector3::Zero(),
                 Vector3::Zero(), P);
   // The first fix has the errors of the later ones.
-  if (position_error_ >= 0) filter_.begin_by(Filter::position, axes.transpose(), position_error_);
-  if (velocity_error_ >= 0) filter_.begin_by(Filter::velocity, axes.transpose(), velocity_error_);
+  if (position_error_ >= 0) filter_.begin_by(Inertial::position, axes.transpose(), position_error_);
+  if (velocity_error_ >= 0) filter_.begin_by(Inertial::velocity, axes.transpose(), velocity_error_);
   is_aligned_ = true;
   up_P_.reset();
   aligned_at_ = number_;

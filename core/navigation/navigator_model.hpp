@@ -61,6 +61,8 @@ struct NavigatorModel {
   GravitationModel gravitation;  // of the truth's world
 };
 
+constexpr double square(double x) noexcept { return x * x; }
+
 // Returns the number of samples from one measurement of an aid to the next; 0: it has none (tuning.cpp).
 std::uint64_t samples_between(double rate_hz, double aid_hz) noexcept;
 

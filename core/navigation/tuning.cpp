@@ -12,8 +12,6 @@ struct Tuning {
   double noise = 0, walk = 0, bias = 0, scale = 0, g_sensitivity = 0;
 };
 
-double square(double x) { return x * x; }
-
 // The largest of the axes. A slow error that is no random walk counts as the walk that has its Allan deviation after
 // `slow_s`; the figure is chosen: a maker's own tuning is not published.
 Tuning tuning_of(const TriadErrors& errors, double internal_hz) {
