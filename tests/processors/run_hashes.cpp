@@ -5,7 +5,11 @@
 //
 // A line of HASHES is a 64-bit FNV-1a hash, the number of frames, a protocol and its settings (key=value ...). The
 // exit code is 1 if a line is wrong; the correct lines go to standard output. With the setting solution=filter the
-// unit computes its own solution, and with solution=attitude its attitude alone.
+// unit computes its own solution, and with solution=attitude its attitude alone. With aids=all the filter has every
+// aid, each of which must have been used, and with motion=rest the vehicle rests instead of the flight.
+#include <chrono>
+#include <cstddef>
+#include <cstdint>
 #include <cstring>
 #include <fstream>
 #include <iomanip>
@@ -14,6 +18,7 @@
 #include <memory>
 #include <optional>
 #include <set>
+#include <span>
 #include <sstream>
 #include <stdexcept>
 #include <string>
@@ -123,19 +128,76 @@ ImuModel navigating(double rate_hz) {
   return model;
 }
 
-// The frames that `device` sends during the flight.
+// The settings of a line that are not the protocol's.
+struct Unit {
+  std::optional<NavigatorModel::Kind> solution;
+  bool has_all_aids = false, rests = false;
+
+  // Returns whether `setting` is one of these.
+  bool read(std::string_view setting) {
+    if (setting == "solution=filter") {
+      solution = NavigatorModel::Kind::inertial;
+    } else if (setting == "solution=attitude") {
+      solution = NavigatorModel::Kind::attitude;
+    } else if (setting == "aids=all") {
+      has_all_aids = true;
+    } else if (setting == "motion=rest") {
+      rests = true;
+    } else {
+      return false;
+    }
+    return true;
+  }
+};
+
+// Ten seconds at rest in a local level, with a bank.
+std::vector<Truth> rest() {
+  std::vector<Truth> truths(1001);
+  for (std::size_t i = 0; i < truths.size(); ++i) {
+    Truth& truth = truths[i];
+    truth.time = TruthTime{} + std::chrono::milliseconds(10 * i);
+    truth.q_NB = exp(Vector3(0, 0, 0.5)) * exp(Vector3(0.1, 0.05, 0));
+    truth.has_position = truth.has_velocity = truth.has_specific_force = true;
+    truth.r_BN_N = {10, -20, -100};
+    truth.specific_force_B = truth.q_NB.conjugate() * Vector3(0, 0, -units::standard_gravity);
+  }
+  return truths;
+}
+
+ImuModel model_of(const Unit& unit, double rate_hz) {
+  if (!unit.solution) return every_effect();
+  ImuModel model = navigating(rate_hz);
+  if (unit.rests) {
+    model.earth.frame = EarthModel::Frame::local;
+    model.earth.latitude = 0.8;
+    model.earth.longitude = -1.2;
+  }
+  if (!unit.has_all_aids) return model;
+  model.barometer.noise = 5;
+  model.navigation.position = Vector3(1.5, 1.5, 3);
+  model.navigation.velocity = Vector3::Constant(0.1);
+  return model;
+}
+
+NavigatorModel navigator_of(const Unit& unit, const ImuModel& model) {
+  NavigatorModel navigator;
+  navigator.kind = *unit.solution;
+  tune(navigator, model);
+  if (!unit.has_all_aids) return navigator;
+  navigator.slow_position = model.navigation.position;
+  navigator.slow_velocity = model.navigation.velocity;
+  navigator.antennas_heading = 0.005;
+  navigator.barometer_rate_hz = 10;
+  navigator.zero_velocity = true;
+  return navigator;
+}
+
+// The frames that `device` sends during a motion.
 class Run {
  public:
-  Run(Device& device, double rate_hz, Link link, std::optional<NavigatorModel::Kind> solution)
-      : device_(device),
-        grid_(rate_hz),
-        is_can_(link == Link::can),
-        model_(solution ? navigating(rate_hz) : every_effect()) {
-    if (!solution) return;
-    NavigatorModel navigator;
-    navigator.kind = *solution;
-    tune(navigator, model_);
-    solution_.emplace(navigator, model_, Normals(0, 0));
+  Run(Device& device, double rate_hz, Link link, const Unit& unit)
+      : device_(device), grid_(rate_hz), is_can_(link == Link::can), unit_(unit), model_(model_of(unit, rate_hz)) {
+    if (unit.solution) solution_.emplace(navigator_of(unit, model_), model_, Normals(20261127, 1));
   }
 
   void over(const std::vector<Truth>& flight) {
@@ -152,7 +214,10 @@ class Run {
         for (auto due = device_.deadline(); due && *due <= now; due = device_.deadline())
           add([&] { device_.poll(*due, *frames_); });
         Sample sample = imu.sample(timeline, instant, now);
-        if (solution_) solution_->take(sample, instant, std::nullopt);
+        if (solution_) {
+          solution_->take(sample, instant, std::nullopt);
+          aids_used_ |= sample.solution->used;
+        }
         add([&] { device_.sample(sample, *frames_); });
       }
     }
@@ -160,6 +225,15 @@ class Run {
 
   std::uint64_t hash() const { return hash_.value(); }
   std::size_t frames() const { return count_; }
+  // Returns whether each aid that the unit has was used. A flight has no rest.
+  bool has_used_aids() const {
+    if (!unit_.solution) return true;
+    unsigned aids = aid::magnetic_heading;
+    aids |= *unit_.solution == NavigatorModel::Kind::attitude ? aid::gravity : aid::position | aid::velocity;
+    if (unit_.has_all_aids) aids |= aid::antennas_heading | aid::pressure;
+    if (unit_.has_all_aids && unit_.rests) aids |= aid::zero_velocity;
+    return (aids_used_ & aids) == aids;
+  }
 
  private:
   template <class Call>
@@ -176,8 +250,10 @@ class Run {
   Device& device_;
   Grid grid_;
   bool is_can_;
+  Unit unit_;
   ImuModel model_;
   std::optional<OwnSolution> solution_;
+  unsigned aids_used_ = 0;
   std::unique_ptr<FrameBuffer> frames_ = std::make_unique<FrameBuffer>();
   Hash hash_;
   std::size_t count_ = 0;
@@ -200,23 +276,16 @@ std::string right_line(const std::string& line, const std::vector<Truth>& flight
   words >> hash >> frames >> name;
   Settings settings(protocol->settings);
   std::ostringstream right;
-  std::optional<NavigatorModel::Kind> solution;
+  Unit unit;
   for (std::string setting; words >> setting; right << ' ' << setting) {
-    if (setting == "solution=filter") {
-      solution = NavigatorModel::Kind::inertial;
-      continue;
-    }
-    if (setting == "solution=attitude") {
-      solution = NavigatorModel::Kind::attitude;
-      continue;
-    }
+    if (unit.read(setting)) continue;
     const std::size_t equals = setting.find('=');
     settings.set_text(setting.substr(0, equals), setting.substr(equals + 1));
   }
   const std::unique_ptr<Device> device = protocol->make(settings);
-  Run run(*device, protocol->product != nullptr ? protocol->product(settings).rate_hz : 200, protocol->link,
-          solution);
-  run.over(flight);
+  Run run(*device, protocol->product != nullptr ? protocol->product(settings).rate_hz : 200, protocol->link, unit);
+  run.over(unit.rests ? rest() : flight);
+  if (!run.has_used_aids()) throw std::runtime_error("an aid was never used in: " + line);
   std::ostringstream begin;
   begin << std::hex << std::setfill('0') << std::setw(16) << run.hash() << std::dec << ' ' << run.frames() << ' '
         << name;
