@@ -33,7 +33,7 @@ TOP_LEVEL = {"CMakeLists.txt", "CMakePresets.json", "LICENSE", "README.md", "cor
 FLOORS = {
     "core": ["vector.hpp units.hpp time.hpp gps_time.hpp frame.hpp uart.hpp", "numbers/",
              "attitude.* truth.* sample.hpp timeline.*",
-             "earth/", "environment/ effects/ pose/", "clock/",
+             "earth/", "gnss/", "environment/ effects/ pose/", "clock/",
              "imu*.* triad.hpp size_effect.* rest.* navigation_errors.hpp", ""],
     "protocols": ["protocol.* frame_seal.* truth_format.* settings.* native_truth.hpp sync_datagram.hpp", "wire/", "quantities/",
                   "measurements/", "frames/layout/", "frames/text/ frames/host/", "signals/ frames/", ""],
