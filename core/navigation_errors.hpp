@@ -5,6 +5,7 @@
 
 #include "core/attitude.hpp"
 #include "core/earth/earth.hpp"
+#include "core/gnss/sky.hpp"
 #include "core/numbers/correlated_noise.hpp"
 #include "core/time.hpp"
 
@@ -25,28 +26,33 @@ struct NavigationErrors {
   Vector3 velocity_noise = Vector3::Zero();  // m/s, standard deviation of one sample
   Vector3 attitude = Vector3::Zero();        // rad, standard deviation of rotations about north, east, down
   double attitude_correlation_s = 300;
+  // Its sky, if there is an almanac, multiplies the errors of position and velocity by accuracy_factor. The times of
+  // its search are not applied here (gnss/acquisition.hpp).
+  GnssModel gnss;
 };
 
-// Does not allocate, lock or throw; not thread-safe.
+// Does not allocate after construction, lock or throw; not thread-safe.
 class NavigationError {
  public:
   // `period_s` is the nominal sample period, above 0.
-  NavigationError(const NavigationErrors& errors, double period_s) noexcept
+  NavigationError(const NavigationErrors& errors, double period_s)
       : errors_(errors),
         position_(errors.position, Vector3::Constant(errors.position_correlation_s), period_s, Quantity::position),
         velocity_(errors.velocity, Vector3::Constant(errors.velocity_correlation_s), period_s, Quantity::velocity),
         attitude_(errors.attitude, Vector3::Constant(errors.attitude_correlation_s), period_s, Quantity::attitude),
         time_(Vector3(errors.time_s, 0, 0), Vector3::Constant(errors.time_correlation_s), period_s,
               Quantity::gnss_time),
+        sky_(errors.gnss),
         has_noise_(!errors.position_noise.isZero(0.0) || !errors.velocity_noise.isZero(0.0)),
-        on_(has_noise_ || position_.is_on() || velocity_.is_on() || attitude_.is_on() || time_.is_on()) {}
+        on_(has_noise_ || sky_.is_on() || position_.is_on() || velocity_.is_on() || attitude_.is_on() ||
+            time_.is_on()) {}
 
   // Returns false if there are no errors but the latency, which is not applied here.
   bool is_on() const noexcept { return on_; }
   Nanoseconds latency() const noexcept { return errors_.latency; }
 
-  // Adds the errors of sample k to its place, if that is known, and to its attitude. The last call was for sample
-  // k - 1, or seek(k).
+  // Adds the errors of sample k to its place, if that is known, and to its attitude. With too few satellites there is
+  // no place. The last call was for sample k - 1, or seek(k).
   void apply(Sample& sample, const Normals& normals, std::uint64_t k) noexcept {
     if (attitude_.is_on()) sample.q_LP = exp(attitude_.next(normals, k)) * sample.q_LP;
     Vector3 position = Vector3::Zero(), velocity = Vector3::Zero();
@@ -54,9 +60,18 @@ class NavigationError {
     if (velocity_.is_on()) velocity = velocity_.next(normals, k);
     if (time_.is_on()) time_.next(normals, k);
     if (!sample.navigation.is_known) return;
+    if (sky_.is_on() && !sky_.look(sample.navigation)) {
+      sample.navigation = {};
+      return;
+    }
     if (has_noise_) {
       position += errors_.position_noise.cwiseProduct(normals(Quantity::position, Process::white_noise, k));
       velocity += errors_.velocity_noise.cwiseProduct(normals(Quantity::velocity, Process::white_noise, k));
+    }
+    if (sky_.is_on()) {
+      const double factor = double{sample.navigation.accuracy_factor};
+      position = factor * position + sky_.displacement(normals);
+      velocity *= factor;
     }
     sample.navigation.v_L += velocity;
     sample.navigation.gps_ns += static_cast<std::int64_t>(1e9 * time_.value().x());
@@ -85,6 +100,7 @@ class NavigationError {
   NavigationErrors errors_;
   CorrelatedNoise position_, velocity_, attitude_;
   CorrelatedNoise time_;  // on x
+  Sky sky_;
   bool has_noise_, on_;
 };
 

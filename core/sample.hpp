@@ -27,11 +27,24 @@ struct Geodetic {
   double latitude = 0, longitude = 0, height = 0;  // rad, rad, m above the ellipsoid
 };
 
+// The dilutions of precision of a fix: standard deviations of its errors for ranges with independent errors of 1.
+struct Dilution {
+  float geometric = 0, position = 0, horizontal = 0, vertical = 0, time = 0, north = 0, east = 0;
+
+  // Returns these where they are the dilutions of a geometry, otherwise the constants that a product reports.
+  constexpr const Dilution& known_or(const Dilution& constants) const noexcept {
+    return position > 0 ? *this : constants;
+  }
+};
+// A receiver's under an open sky; chosen.
+inline constexpr Dilution open_sky = {1.65F, 1.44F, 0.80F, 1.20F, 0.80F, 0.57F, 0.57F};
+
 // A place and the time of a sample on the Earth (frames E and L: core/README.md).
 struct Navigation {
   bool is_known = false;               // if not, place, time and velocity are 0
   std::uint8_t satellites = 12;        // that a receiver with a fix uses
   float accuracy_factor = 1;           // on the accuracies of position and velocity that receivers and filters report
+  Dilution dilution = {};              // of a receiver with an almanac (gnss/sky.hpp)
   std::int64_t gps_ns = 0;             // GPS time, ns since 1980-01-06
   double latitude = 0, longitude = 0;  // rad, geodetic, WGS 84
   double height = 0;                   // m, above the ellipsoid

@@ -296,6 +296,7 @@ bool Navigator::write(Sample& sample, const At& at) const noexcept {
   sample.navigation.origin = origin_;
   sample.navigation.satellites = sample.fix().is_known ? sample.fix().satellites : 0;
   sample.navigation.accuracy_factor = sample.fix().accuracy_factor;
+  sample.navigation.dilution = sample.fix().dilution;
   sample.q_LP = q_LN * filter_.motion().q_NP;
   const Matrix3 axes = q_LN.toRotationMatrix();
   const auto sigma = [&](int first) {

@@ -45,6 +45,7 @@ enum class Process : std::uint32_t {
   stamp_jitter = 18,
   unit_cause = 19,     // of the cause whose name has that hash (constant_errors.hpp)
   turn_on_cause = 20,  // the same, with the number of the power on in the upper 32 bits
+  multipath = 21,      // x: of a satellite's range; sample 64 i + PRN: in the i-th interval (gnss/sky.cpp)
   flicker = 32,        // of its first octave; the other octaves have the next 31 numbers
 };
 
