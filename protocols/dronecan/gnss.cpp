@@ -10,8 +10,6 @@ namespace imud::dronecan {
 namespace {
 
 constexpr double unknown = std::numeric_limits<double>::quiet_NaN();
-// Under an open sky: geometric, position, horizontal, vertical, time, north, east.
-constexpr double dilutions[] = {1.65, 1.44, 0.80, 1.20, 0.80, 0.57, 0.57};
 
 }  // namespace
 
@@ -46,13 +44,15 @@ PackedPayload<gnss_fix2_size> fix2_of(const Navigation& navigation, const OwnFig
       const double reported = is_fixed ? double{navigation.accuracy_factor} * deviation[i] : 0;
       fix.put_half(reported * reported);
     }
-  fix.put_half(is_fixed ? dilutions[1] : unknown);
+  fix.put_half(is_fixed ? double{navigation.dilution.known_or(open_sky).position} : unknown);
   return fix;
 }
 
 PackedPayload<gnss_auxiliary_size> auxiliary_of(const Navigation& navigation) noexcept {
   PackedPayload<gnss_auxiliary_size> auxiliary;
-  for (const double dilution : dilutions) auxiliary.put_half(navigation.is_known ? dilution : unknown);
+  const Dilution& of = navigation.dilution.known_or(open_sky);
+  for (const float dilution : {of.geometric, of.position, of.horizontal, of.vertical, of.time, of.north, of.east})
+    auxiliary.put_half(navigation.is_known ? double{dilution} : unknown);
   const unsigned satellites = navigation.is_known ? navigation.satellites : 0;
   auxiliary.put(std::min(satellites, 127U), 7);
   auxiliary.put(std::min(satellites, 63U), 6);

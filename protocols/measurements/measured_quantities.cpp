@@ -141,6 +141,11 @@ double gps_time(const Reading& r) noexcept { return 1e-9 * static_cast<double>(r
 double gps_week(const Reading& r) noexcept { return static_cast<double>(r.sample.timed().gps_ns / gps_week_ns); }
 
 double fix(const Reading& r) noexcept { return r.sample.fix().is_known ? 1 : 0; }
+template <float Dilution::*Member>
+double dilution(const Reading& r) noexcept {
+  const Navigation& receiver = r.sample.fix();
+  return receiver.is_known ? double{receiver.dilution.known_or(open_sky).*Member} : 0;
+}
 double satellites(const Reading& r) noexcept { return r.sample.fix().is_known ? r.sample.fix().satellites : 0; }
 
 // --- The unit's own solution, and its receiver's fix ---
@@ -302,6 +307,11 @@ constexpr MeasuredQuantity quantities[] = {
      {},
      navigation_state},
     anywhere("fix_age", "of its own solution: since the last fix that it used", key_units::time, fix_age),
+    with_fix("gnss_gdop", "its dilutions of precision: geometric", {}, dilution<&Dilution::geometric>),
+    with_fix("gnss_pdop", "of the position", {}, dilution<&Dilution::position>),
+    with_fix("gnss_hdop", "horizontal", {}, dilution<&Dilution::horizontal>),
+    with_fix("gnss_vdop", "vertical", {}, dilution<&Dilution::vertical>),
+    with_fix("gnss_tdop", "of its clock", {}, dilution<&Dilution::time>),
     {"solution_is_aligning",
      "1 while its own solution is in that state, else 0; the four below likewise",
      {},

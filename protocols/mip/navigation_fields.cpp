@@ -260,10 +260,13 @@ void Fields::put_gnss(Packet& packet, std::uint8_t descriptor, DeviceTime at) co
       packet.put(if_known(0x3F));
       break;
     }
-    case 0x07:  // under an open sky: geometric, position, horizontal, vertical, time, north, east
-      for (const float dop : {1.65F, 1.44F, 0.80F, 1.20F, 0.80F, 0.57F, 0.57F}) packet.put(is_fixed ? dop : 99.99F);
+    case 0x07: {
+      const Dilution& of = navigation.dilution.known_or(open_sky);
+      for (const float dop : {of.geometric, of.position, of.horizontal, of.vertical, of.time, of.north, of.east})
+        packet.put(is_fixed ? dop : 99.99F);
       packet.put(if_known(0x7F));
       break;
+    }
     case 0x08:
       put_utc(packet, true_gps_ns(at), if_known(0x03));
       break;

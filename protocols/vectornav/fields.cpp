@@ -61,8 +61,10 @@ void gnss_time_info(const Quantities& now, BinaryFrame& frame) {
   frame.put(static_cast<std::int8_t>(gps_leap_s));
 }
 
-void dilutions(const Quantities&, BinaryFrame& frame) {
-  for (int i = 0; i < 7; ++i) frame.put_float(dilution);
+void dilutions(const Quantities& now, BinaryFrame& frame) {
+  const Dilution& of = now.dilution();
+  for (const float one : {of.geometric, of.position, of.time, of.vertical, of.horizontal, of.north, of.east})
+    frame.put_float(one);
 }
 
 using Q = Quantities;

@@ -16,8 +16,6 @@
 
 namespace imud::vectornav {
 
-inline constexpr double dilution = 1.0;
-
 // A view of a reading and of the increments of an output, both of which must outlive it. Without a fix, all GNSS
 // quantities are zero.
 class Quantities {
@@ -133,6 +131,11 @@ class Quantities {
     return has_fix() ? double{navigation_.accuracy_factor} * figure_or(rms(r_.figures.velocity), 0.05) : 0;
   }
   double time_error_s() const noexcept { return knows_time() ? 2e-8 : 0; }
+  // Without an almanac all are 1.
+  const Dilution& dilution() const noexcept {
+    static constexpr Dilution ones = {1, 1, 1, 1, 1, 1, 1};
+    return navigation_.dilution.known_or(ones);
+  }
   double ins_attitude_error_deg() const noexcept {
     if (is_filter_) return has_fix() ? rms(s_.solution->attitude.cast<double>()) / units::degree : 0;
     return has_fix() ? figure_or(rms(r_.figures.attitude) / units::degree, attitude_error_deg) : 0;
