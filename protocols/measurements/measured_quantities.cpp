@@ -174,6 +174,11 @@ template <int Axis>
 double attitude_deviation(const Reading& r) noexcept {
   return r.sample.solution ? static_cast<double>(r.sample.solution->attitude[Axis]) : 0;
 }
+template <int Angle>
+double angle_deviation(const Reading& r) noexcept {
+  if (!r.sample.solution) return 0;
+  return roll_pitch_yaw_deviations(r.sample.q_LP, r.sample.solution->attitude.cast<double>())[Angle];
+}
 // While there is no place, its deviation is as if the unit were anywhere on the Earth, at any orbital speed.
 template <Eigen::Vector3f Solution::*Member, int Axis>
 double deviation(const Reading& r) noexcept {
@@ -302,16 +307,16 @@ constexpr MeasuredQuantity quantities[] = {
     at_time("gps_time", "since 1980-01-06", key_units::time, gps_time),
     with_fix("gnss_fix", "1 while the receiver has a fix, else 0", {}, fix),
     with_fix("gnss_satellites", "that the receiver uses", {}, satellites),
-    {"navigation_state",
-     "0 truth; of the unit's own solution: 1 aligning, 2 coasting, 3 aided, 4 an attitude without a place",
-     {},
-     navigation_state},
-    anywhere("fix_age", "of its own solution: since the last fix that it used", key_units::time, fix_age),
     with_fix("gnss_gdop", "its dilutions of precision: geometric", {}, dilution<&Dilution::geometric>),
     with_fix("gnss_pdop", "of the position", {}, dilution<&Dilution::position>),
     with_fix("gnss_hdop", "horizontal", {}, dilution<&Dilution::horizontal>),
     with_fix("gnss_vdop", "vertical", {}, dilution<&Dilution::vertical>),
     with_fix("gnss_tdop", "of its clock", {}, dilution<&Dilution::time>),
+    {"navigation_state",
+     "0 truth; of the unit's own solution: 1 aligning, 2 coasting, 3 aided, 4 an attitude without a place",
+     {},
+     navigation_state},
+    anywhere("fix_age", "of its own solution: since the last fix that it used", key_units::time, fix_age),
     {"solution_is_aligning",
      "1 while its own solution is in that state, else 0; the four below likewise",
      {},
@@ -332,6 +337,9 @@ constexpr MeasuredQuantity quantities[] = {
              attitude_deviation<0>),
     anywhere("attitude_sigma_east", "", key_units::angle, attitude_deviation<1>),
     anywhere("attitude_sigma_down", "", key_units::angle, attitude_deviation<2>),
+    anywhere("roll_sigma", "of roll, pitch and yaw, by these", key_units::angle, angle_deviation<0>),
+    anywhere("pitch_sigma", "", key_units::angle, angle_deviation<1>),
+    anywhere("yaw_sigma", "", key_units::angle, angle_deviation<2>),
     anywhere("velocity_sigma_north", "", key_units::speed, deviation<&Solution::velocity, 0>),
     anywhere("velocity_sigma_east", "", key_units::speed, deviation<&Solution::velocity, 1>),
     anywhere("velocity_sigma_down", "", key_units::speed, deviation<&Solution::velocity, 2>),

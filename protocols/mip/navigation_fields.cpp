@@ -119,9 +119,9 @@ void Fields::put_filter(Packet& packet, std::uint8_t descriptor, DeviceTime at) 
       valid = navigates;
       break;
     case 0x0A:
-      packet.put_floats(uncertainty(
-          &Solution::attitude,
-          figure_or(figures_.attitude, {0.25 * units::degree, 0.25 * units::degree, heading_uncertainty})));
+      packet.put_floats(
+          solution ? roll_pitch_yaw_deviations(sample_.q_LP, of_filter(&Solution::attitude))
+                   : figure_or(figures_.attitude, {0.25 * units::degree, 0.25 * units::degree, heading_uncertainty}));
       break;
     case 0x0B:
       packet.put_floats(uncertainty(&Solution::gyro_bias_sigma, Vector3::Constant(1e-4)));  // rad/s

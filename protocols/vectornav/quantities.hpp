@@ -78,7 +78,8 @@ class Quantities {
     return yaw_pitch_roll_from_dcm(tared_q().conjugate().toRotationMatrix()) / units::degree;
   }
   Vector3 ypr_error_deg() const noexcept {
-    if (is_filter_) return s_.solution->attitude.cast<double>().reverse() / units::degree;
+    if (is_filter_)
+      return roll_pitch_yaw_deviations(s_.q_LP, s_.solution->attitude.cast<double>()).reverse() / units::degree;
     return figure_or(r_.figures.attitude.reverse() / units::degree, Vector3::Constant(attitude_error_deg));
   }
   Vector3 magnetic_L() const noexcept { return s_.q_LP * magnetic(); }
@@ -130,12 +131,12 @@ class Quantities {
     if (is_filters_place()) return has_fix() ? rms(s_.solution->velocity.cast<double>()) : 0;
     return has_fix() ? double{navigation_.accuracy_factor} * figure_or(rms(r_.figures.velocity), 0.05) : 0;
   }
-  double time_error_s() const noexcept { return knows_time() ? 2e-8 : 0; }
   // Without an almanac all are 1.
   const Dilution& dilution() const noexcept {
     static constexpr Dilution ones = {1, 1, 1, 1, 1, 1, 1};
     return navigation_.dilution.known_or(ones);
   }
+  double time_error_s() const noexcept { return knows_time() ? 2e-8 : 0; }
   double ins_attitude_error_deg() const noexcept {
     if (is_filter_) return has_fix() ? rms(s_.solution->attitude.cast<double>()) / units::degree : 0;
     return has_fix() ? figure_or(rms(r_.figures.attitude) / units::degree, attitude_error_deg) : 0;

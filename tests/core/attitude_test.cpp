@@ -160,5 +160,30 @@ TEST(Attitude, RotationDefect) {
   EXPECT_EQ(rotation_defect(mirror), 2.0);
 }
 
+// Deviations of roll, pitch and yaw: by the differences that small rotations about north, east and down make.
+TEST(Attitude, DeviationsOfAnglesAreThoseOfSmallRotations) {
+  const Vector3 sigma(0.002, 0.01, 0.03);
+  constexpr double small = 1e-6;
+  for (const Vector3& angles : {Vector3(0, 0, 0), Vector3(0.7, 0.3, -1.2), Vector3(-2.5, -1.3, 2.9),
+                                Vector3(1.6, 1.5, 0.4), Vector3(3.1, 0, 0)}) {
+    const Quaternion q_LP(dcm_from_yaw_pitch_roll(angles.x(), angles.y(), angles.z()).transpose());
+    Vector3 variance = Vector3::Zero();
+    for (int axis = 0; axis < 3; ++axis) {
+      const Quaternion turned = exp(small * Vector3::Unit(axis)) * q_LP;
+      const Vector3 after = yaw_pitch_roll_from_dcm(turned.conjugate().toRotationMatrix());
+      for (int i = 0; i < 3; ++i) {
+        const double change = std::remainder(after[i] - angles[i], 2 * pi) / small * sigma[axis];
+        variance[2 - i] += change * change;
+      }
+    }
+    const Vector3 deviations = roll_pitch_yaw_deviations(q_LP, sigma);
+    for (int i = 0; i < 3; ++i)
+      EXPECT_NEAR(deviations[i], std::sqrt(variance[i]), 2e-4 * std::sqrt(variance[i])) << angles.transpose() << i;
+  }
+  const Quaternion up(dcm_from_yaw_pitch_roll(0.3, 0.5 * pi, 0).transpose());
+  EXPECT_EQ(roll_pitch_yaw_deviations(up, Vector3::Constant(0.1)).x(), pi);
+  EXPECT_EQ(roll_pitch_yaw_deviations(up, Vector3::Constant(10)).y(), pi);
+}
+
 }  // namespace
 }  // namespace imud
