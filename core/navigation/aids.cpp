@@ -92,8 +92,20 @@ void Navigator::use_heading(const Sample& sample, const At& at) noexcept {
   const Vector3 field = q_LN * (filter_.motion().q_NP * sample.magnetic_field), model = earth_.magnetic_field_L(here);
   if (!has_azimuth(field) || !has_azimuth(model)) return;
   const InertialFilter::Measurement heading = azimuth_measurement(model, field, q_LN, model_.heading);
+  const double interval_s = static_cast<double>(heading_every_) * period_s_;
+  const bool is_used = use_azimuth(aid::magnetic_heading, heading, q_LN, interval_s, headings_rejected_s_);
+  ++(is_used ? headings_.used : headings_.rejected);
+}
+
+bool Navigator::use_azimuth(std::uint16_t aid, const InertialFilter::Measurement& azimuth, const Quaternion& q_LN,
+                            double interval_s, double& rejected_s) noexcept {
   filter_.propagate();
-  ++(use(aid::magnetic_heading, heading) ? headings_.used : headings_.rejected);
+  if (rejected_s > model_.accept_heading_after_s)
+    filter_.add_variance(InertialFilter::phi, q_LN.conjugate() * Vector3::UnitZ(),
+                         azimuth.innovation[0] * azimuth.innovation[0]);
+  const bool is_used = use(aid, azimuth);
+  rejected_s = is_used ? 0 : rejected_s + interval_s;
+  return is_used;
 }
 
 // The line from one antenna to the other, as the receiver measures it: the platform's x axis, by the true attitude.
@@ -111,9 +123,9 @@ void Navigator::use_antennas(const Sample& sample, const At& at) noexcept {
   const Vector3 measured = baseline_L(sample), estimated = q_LN * (filter_.motion().q_NP * Vector3::UnitX());
   constexpr double least2 = 0.03;  // of the horizontal part: within 10 degrees of the vertical there is no heading
   if (measured.head<2>().squaredNorm() < least2 || estimated.head<2>().squaredNorm() < least2) return;
-  filter_.propagate();
-  const bool is_used =
-      use(aid::antennas_heading, azimuth_measurement(measured, estimated, q_LN, model_.antennas_heading));
+  const auto heading = azimuth_measurement(measured, estimated, q_LN, model_.antennas_heading);
+  const double interval_s = static_cast<double>(fix_every_) * period_s_;
+  const bool is_used = use_azimuth(aid::antennas_heading, heading, q_LN, interval_s, antenna_headings_rejected_s_);
   ++(is_used ? antenna_headings_.used : antenna_headings_.rejected);
 }
 

@@ -92,6 +92,10 @@ class InertialFilter {
   void update(const Measurement& measurement) noexcept;
   // Adds to the variance of one of the vectors, isotropically.
   void add_variance(int first, double variance) noexcept;
+  // The same along one axis, a unit vector.
+  void add_variance(int first, const Vector3& axis_N, double variance) noexcept {
+    P_.block<3, 3>(first, first) += variance * (axis_N * axis_N.transpose());
+  }
   // Adds to the variance of the aids' error number `error`.
   void add_aid_variance(int error, double variance) noexcept { D_(error, error) += variance; }
 

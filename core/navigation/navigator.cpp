@@ -242,7 +242,7 @@ void Navigator::begin_filter(const PositionVelocity& now, const Sample& sample, 
   aligned_at_ = number_;
   since_fix_s_ = 0;
   is_rejecting_ = false;
-  heights_rejected_s_ = 0;
+  heights_rejected_s_ = headings_rejected_s_ = antenna_headings_rejected_s_ = 0;
   rest_detector_.begin();
   corrections_ = {};
   used_ = rejected_ = 0;

@@ -89,6 +89,9 @@ class Navigator {
   // An aid's bits are forgotten when it is due.
   void forget(unsigned aids) noexcept;
   bool use(std::uint16_t aid, const InertialFilter::Measurement& measurement) noexcept;
+  // Uses a heading that comes every `interval_s`. For `rejected_s` all of its kind have been rejected.
+  bool use_azimuth(std::uint16_t aid, const InertialFilter::Measurement& azimuth, const Quaternion& q_LN,
+                   double interval_s, double& rejected_s) noexcept;
   double step(const Sample& sample) noexcept;
   void write_aligning(Sample& sample, double dt) noexcept;
   // Returns false if the place is none on the Earth.
@@ -139,7 +142,8 @@ class Navigator {
   At at_;                                        // of the last sample that the filter has integrated
   Geodetic origin_;
   std::int64_t receiver_clock_ns_ = 0;  // the receiver's GPS time less the true one
-  double heights_rejected_s_ = 0;       // for which all heights have been rejected
+  // For which all heights, or headings, have been rejected.
+  double heights_rejected_s_ = 0, headings_rejected_s_ = 0, antenna_headings_rejected_s_ = 0;
   RestDetector rest_detector_;
   Normals normals_;
   Counts fixes_, headings_, antenna_headings_, heights_, rests_;

@@ -58,6 +58,9 @@ struct NavigatorModel {
   // `accept_after_s` of rejections alone the filter adds to its covariance, and accepts.
   double gate = 25;
   double accept_after_s = 10;
+  // The same for the headings of the inertial kind, of antennas and of the field each. Longer: fixes measure the
+  // heading, too, in manoeuvres, and a field is disturbed for a while more often than a receiver; chosen.
+  double accept_heading_after_s = 120;
   GravitationModel gravitation;  // of the truth's world
 };
 

@@ -155,6 +155,7 @@ void read_navigator(TableReader& table, const TruthConfig& truth, ImuConfig& imu
     table.fault(errors.attitude.x() > 0 ? "roll_pitch_deg" : "heading_deg",
                 "the filter computes the attitude from the sensors; omit the key");
   constexpr double least = 0.01;  // m, m/s
+  navigator.accept_heading_after_s = of_filter("accept_heading_after_s", navigator.accept_heading_after_s, 0, 1e6);
   constexpr double part = 0.1;    // of the correlated errors that counts as noise as well; chosen
   const auto allow = [least, part](const Vector3& slow, const Vector3& white, Vector3& noise, Vector3& correlated) {
     if (slow.isZero(0.0) && white.isZero(0.0)) return;

@@ -247,5 +247,38 @@ TEST(NavigatorAids, AntennasNeedAFix) {
   fly(unit_with_antennas(), 10, outage, look);
 }
 
+// Headings that are off for two minutes are accepted then, and the attitude has them; before, they are rejected. Two
+// antennas, and a field that has turned, at rest without another heading.
+TEST(NavigatorAids, HeadingsAreAcceptedInTheEnd) {
+  constexpr double off = 0.5;  // rad
+  for (const bool by_antennas : {true, false}) {
+    SCOPED_TRACE(by_antennas);
+    NavigatingUnit model = by_antennas ? unit_with_antennas() : mems_unit();
+    if (by_antennas) model.navigator.magnetic_rate_hz = 0;
+    const std::uint16_t heading = by_antennas ? aid::antennas_heading : aid::magnetic_heading;
+    const auto turn = [&](Sample& sample, double t) {
+      if (t <= 20) return;
+      if (by_antennas) {
+        sample.q_LP = exp(Vector3(0, 0, off)) * sample.q_LP;
+      } else {
+        sample.magnetic_field = exp(Vector3(0, 0, -off)) * sample.magnetic_field;
+      }
+    };
+    const auto look = [&](const Sample& sample, const Errors& errors, double t) {
+      if (t < 5 || std::abs(t - 20) < 0.3 || std::abs(t - 140) < 3) return;
+      const bool is_rejected = t > 20 && t < 140;
+      EXPECT_EQ(sample.solution->rejected & heading, is_rejected ? heading : 0) << t;
+      EXPECT_NEAR(errors.attitude.z(), t < 140 ? 0 : off, t < 140 ? 0.1 : 0.05) << t;
+      EXPECT_LT(errors.attitude.head<2>().norm(), 0.02) << t;
+    };
+    const auto stand = [](TruthTime time) {
+      Truth truth = stop_and_go(TruthTime{});
+      truth.time = time;
+      return truth;
+    };
+    fly(model, 170, turn, look, 1, in_time, stand);
+  }
+}
+
 }  // namespace
 }  // namespace imud
