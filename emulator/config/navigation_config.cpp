@@ -151,6 +151,9 @@ void read_navigator(TableReader& table, const TruthConfig& truth, ImuConfig& imu
   if (navigator.alignment == Alignment::coarse) check_weight(table, truth);
   if (is_inertial) check_places(table, places);
   const NavigationErrors& errors = model.navigation;
+  for (const char* key : {"barometric_height_m", "barometric_walk_m_per_rt_s"})
+    if (is_inertial && navigator.barometer_rate_hz == 0 && table.has(key))
+      table.warn(key, "has no effect without a barometer_rate_hz above 0");
   if (!errors.attitude.isZero(0.0))
     table.fault(errors.attitude.x() > 0 ? "roll_pitch_deg" : "heading_deg",
                 "the filter computes the attitude from the sensors; omit the key");
