@@ -21,6 +21,7 @@ Sensor::Sensor(const ImuConfig& config, std::uint64_t seed, ChannelFaults* fault
       oscillator_(config.model.oscillator, config.model.temperature, config.model.temperature_c, grid_),
       stamp_error_(config.model.stamp_error),
       has_clock_errors_(oscillator_.is_on() || stamp_error_.is_on()),
+      acquisition_(config.model.navigation.gnss, config.model.rate_hz),
       sampling_delay_(config.model.sampling_delay),
       device_filters_(config.device_filters),
       filters_{config.model.gyro.filter, config.model.accelerometer.filter, config.model.magnetometer.filter},
@@ -60,6 +61,8 @@ void Sensor::sense(const Timeline& timeline, TruthTime time, std::uint64_t k) no
   ahead_ = imu_.advanced_to() - timeline.newest();
   if (has_clock_errors_ || has_leapt_ || faults_ != nullptr) [[unlikely]]
     take_errors(timeline, time);
+  if (acquisition_.is_on()) [[unlikely]]
+    acquisition_.take(sample_.navigation);
   if (solution_) [[unlikely]]
     navigate(timeline, time);
 }
@@ -89,6 +92,7 @@ void Sensor::sense_at_rest(Nanoseconds since_power_on, std::uint64_t k) noexcept
   if (has_clock_errors_) take_clock_errors(std::nullopt);
   if (faults_ != nullptr && faults_->acts_at_rest())
     faults_->take_at_rest(sample_, since_power_on, utc_ns_of(sample_.time));
+  if (acquisition_.is_on()) acquisition_.take(sample_.navigation);
   if (solution_) solution_->take_at_rest(sample_);
 }
 
@@ -104,10 +108,13 @@ void Sensor::sense_at_rest(Nanoseconds since_power_on, std::uint64_t k) noexcept
 
 void Sensor::restart() noexcept {
   imu_.power_on(++power_ons_);
-  if (!solution_) return;
-  solution_->restart();
-  if (!sample_.solution) return;
-  sample_.navigation = sample_.fix();  // the last sample is the first that the unit sends: it has no solution yet
+  acquisition_.power_on();
+  if (solution_) solution_->restart();
+  // The last sample is the first that the unit sends: it has no solution yet.
+  const bool has_solution = solution_ && sample_.solution;
+  if (has_solution) sample_.navigation = sample_.fix();
+  if (acquisition_.is_on()) acquisition_.take(sample_.navigation);
+  if (!has_solution) return;
   solution_->take_at_rest(sample_);
 }
 
@@ -136,6 +143,9 @@ void Sensor::exchange(Reload::Sensor& next) noexcept {
     clock_.change(grid_);
   }
   next.oscillator.continue_from(oscillator_);
+  Acquisition acquisition(next.model.navigation.gnss, next.model.rate_hz);
+  acquisition.continue_from(acquisition_);
+  acquisition_ = acquisition;
   std::swap(oscillator_, next.oscillator);
   stamp_error_ = StampError(next.model.stamp_error);
   has_clock_errors_ = oscillator_.is_on() || stamp_error_.is_on();

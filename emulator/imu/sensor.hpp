@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <optional>
 
+#include "core/gnss/acquisition.hpp"
 #include "core/imu.hpp"
 #include "core/navigation/own_solution.hpp"
 #include "core/timeline.hpp"
@@ -73,6 +74,7 @@ class Sensor {
   Oscillator oscillator_;
   StampError stamp_error_;
   bool has_clock_errors_;  // one of the two is on
+  Acquisition acquisition_;
   std::optional<OwnSolution> solution_;
   std::optional<SolutionJudge> judge_;  // of what faults do to it; if there are faults
   const Nanoseconds sampling_delay_;
