@@ -1,10 +1,17 @@
 // The errors of barometers and navigation solutions in a configuration.
+#include <cstdlib>
+#include <fstream>
+#include <iterator>
 #include <optional>
+#include <stdexcept>
+#include <string>
 #include <string_view>
 
+#include "core/gps_time.hpp"
 #include "core/navigation/navigator.hpp"
 #include "core/units.hpp"
 #include "emulator/config/config_parts.hpp"
+#include "emulator/ground/yuma_almanac.hpp"
 
 namespace imud {
 namespace {
@@ -144,21 +151,21 @@ void read_navigator(TableReader& table, const TruthConfig& truth, ImuConfig& imu
     navigator.zero_velocity = table.flag("zero_velocity", false);
     check("zero_velocity", is_inertial, "\"filter\"");
   }
+  for (const char* key : {"barometric_height_m", "barometric_walk_m_per_rt_s"})
+    if (is_inertial && navigator.barometer_rate_hz == 0 && table.has(key))
+      table.warn(key, "has no effect without a barometer_rate_hz above 0");
   navigator.accept_after_s = of_both("accept_after_s", navigator.accept_after_s, 0, 1e6);
+  navigator.accept_heading_after_s = of_filter("accept_heading_after_s", navigator.accept_heading_after_s, 0, 1e6);
   navigator.quiet_acceleration =
       number("quiet_m_per_s2", navigator.quiet_acceleration, 1e-4, 100, is_attitude, "\"attitude\"");
   if (!navigator.is_on) return;
   if (navigator.alignment == Alignment::coarse) check_weight(table, truth);
   if (is_inertial) check_places(table, places);
   const NavigationErrors& errors = model.navigation;
-  for (const char* key : {"barometric_height_m", "barometric_walk_m_per_rt_s"})
-    if (is_inertial && navigator.barometer_rate_hz == 0 && table.has(key))
-      table.warn(key, "has no effect without a barometer_rate_hz above 0");
   if (!errors.attitude.isZero(0.0))
     table.fault(errors.attitude.x() > 0 ? "roll_pitch_deg" : "heading_deg",
                 "the filter computes the attitude from the sensors; omit the key");
   constexpr double least = 0.01;  // m, m/s
-  navigator.accept_heading_after_s = of_filter("accept_heading_after_s", navigator.accept_heading_after_s, 0, 1e6);
   constexpr double part = 0.1;    // of the correlated errors that counts as noise as well; chosen
   const auto allow = [least, part](const Vector3& slow, const Vector3& white, Vector3& noise, Vector3& correlated) {
     if (slow.isZero(0.0) && white.isZero(0.0)) return;
@@ -170,6 +177,47 @@ void read_navigator(TableReader& table, const TruthConfig& truth, ImuConfig& imu
   navigator.slow_position_s = errors.position_correlation_s;
   navigator.slow_velocity_s = errors.velocity_correlation_s;
   tune(navigator, model);
+}
+
+}  // namespace
+
+namespace {
+
+// The age at which an almanac is probably not the one that was meant; chosen.
+constexpr std::int64_t oldest_weeks = 13;
+
+void read_almanac(TableReader& table, const TruthConfig& truth, GnssModel& gnss) {
+  const std::string path = file_named(table, "gnss_almanac", table.text("gnss_almanac", ""));
+  if (path.empty()) return;
+  std::ifstream stream(path, std::ios::binary);
+  const std::string text(std::istreambuf_iterator<char>(stream), {});
+  if (!stream.is_open() || stream.bad()) return table.fault("gnss_almanac", fmt::format("{}: cannot be read", path));
+  try {
+    gnss.almanac = yuma_almanac(text, truth.earth.start_gps_ns);
+  } catch (const std::runtime_error& error) {
+    return table.fault("gnss_almanac", fmt::format("{}: {}", path, error.what()));
+  }
+  for (const AlmanacOrbit& orbit : gnss.almanac)
+    if (std::abs(orbit.reference_ns - truth.earth.start_gps_ns) > oldest_weeks * gps_week_ns)
+      return table.warn("gnss_almanac",
+                        fmt::format("its satellite {} is of a date more than {} weeks from earth.start; "
+                                    "give another almanac, or another start",
+                                    orbit.prn, oldest_weeks));
+}
+
+void read_receiver(TableReader& table, const TruthConfig& truth, GnssModel& gnss) {
+  read_almanac(table, truth, gnss);
+  const auto of_almanac = [&](const char* key, double initial, double min, double max) {
+    if (!table.has("gnss_almanac") && !table.has(key)) return initial;
+    const double value = table.real(key, initial, min, max);
+    if (!table.has("gnss_almanac")) table.fault(key, "needs gnss_almanac");
+    return value;
+  };
+  gnss.mask = units::degree * of_almanac("gnss_mask_deg", 5, 0, 89);
+  gnss.multipath = of_almanac("gnss_multipath_m", gnss.multipath, 0, most);
+  gnss.multipath_s = of_almanac("gnss_multipath_s", gnss.multipath_s, 1, most);
+  gnss.first_fix_s = table.real("gnss_first_fix_s", gnss.first_fix_s, 0, 1e5);
+  gnss.reacquire_s = table.real("gnss_reacquire_s", gnss.reacquire_s, 0, 1e5);
 }
 
 }  // namespace
@@ -191,6 +239,7 @@ void read_navigation(TableReader table, const TruthConfig& truth, ImuConfig& imu
   const double roll_pitch = units::degree * table.real("roll_pitch_deg", 0, 0, 90);
   errors.attitude = {roll_pitch, roll_pitch, units::degree * table.real("heading_deg", 0, 0, 180)};
   correlation("attitude_correlation_s", errors.attitude_correlation_s);
+  read_receiver(table, truth, errors.gnss);
   read_navigator(table, truth, imu);
   table.finish();
 }

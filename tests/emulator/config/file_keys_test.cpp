@@ -14,6 +14,7 @@
 #include "emulator/config/load_config.hpp"
 #include "emulator/plan/config.hpp"
 #include "protocols/protocol.hpp"
+#include "tests/core/gnss/yuma_text.hpp"
 #include "tests/support/text.hpp"
 #include "tests/transports/scratch_folder.hpp"
 
@@ -39,6 +40,7 @@ const FileKey file_keys[] = {
     {"imu.model", "", "protocol = \"native\"\nport = \"pty:imu1\"\nrate_hz = 100\nmodel = \"{}\"\n", whole_preset},
     {"imu.magnetometer.model", "", native_unit + "magnetometer.model = \"{}\"\n", whole_preset},
     {"imu.barometer.model", "", native_unit + "barometer.model = \"{}\"\n", whole_preset},
+    {"imu.navigation.gnss_almanac", "", native_unit + "navigation.gnss_almanac = \"{}\"\n", yuma_text()},
     {"imu.device.frame_file", "",
      "protocol = \"frame\"\nport = \"pty:imu1\"\n" + ranges + "device.frame_file = \"{}\"\n",
      "frame_version = 1\nname = \"mine\"\n[[message]]\nlayout = [\"55 AA\", \"rate_x_deg_per_s:f32\"]\n"},
