@@ -77,6 +77,7 @@ class Normals {
 
   // Replaces the seed.
   void set_seed(std::uint64_t seed) noexcept { seed_ = seed; }
+  std::uint64_t seed() const noexcept { return seed_; }
   // Returns N(0, 1) on each of the three axes for sample `k`.
   Vector3 operator()(Quantity quantity, Process process, std::uint64_t k) const noexcept;
   // Returns a deviate that is uniform in (0, 1), in the place of the normal one of the x axis.

@@ -137,15 +137,16 @@ void Sensor::exchange(Reload::Sensor& next) noexcept {
   next.imu.continue_from(imu_);
   std::swap(imu_, next.imu);
   std::swap(solution_, next.solution);
+  if (solution_) solution_->set_seed(normals_.seed());  // a command may have replaced it
   std::swap(judge_, next.judge);
   if (next.grid) {
     grid_ = *next.grid;
     clock_.change(grid_);
   }
-  next.oscillator.continue_from(oscillator_);
   Acquisition acquisition(next.model.navigation.gnss, next.model.rate_hz);
   acquisition.continue_from(acquisition_);
   acquisition_ = acquisition;
+  next.oscillator.continue_from(oscillator_);
   std::swap(oscillator_, next.oscillator);
   stamp_error_ = StampError(next.model.stamp_error);
   has_clock_errors_ = oscillator_.is_on() || stamp_error_.is_on();

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <fstream>
+#include <optional>
 #include <string>
 
 #include "emulator/config/load_config.hpp"
@@ -51,6 +52,24 @@ class SensorExchangeTest : public testing::Test {
 
   ScratchFolder folder_;
 };
+
+// A reload has brought a solution with the seed of the configuration.
+TEST_F(SensorExchangeTest, AntennasKeepTheSeedOfACommand) {
+  const std::string filter = "solution = \"filter\"\nalignment = \"truth\"\nantennas_heading_deg = 1\n";
+  const Config before = config(filter), after = config(filter, "gyro.bias_rad_per_s = [0.001, 0, 0]\n");
+  const auto heading = [&](std::uint64_t seed, std::optional<std::uint64_t> command) {
+    Sensor sensor(before.imus[0], seed, nullptr);
+    sensor.begin_run(TruthTime{});
+    if (command) sensor.set_seed(*command);
+    Reload reload(before, after, before.imus, seed);
+    if (reload.sensors.size() != 1) throw std::runtime_error("no sensor is exchanged");
+    sensor.exchange(reload.sensors[0]);
+    sense(sensor, 200, [](const Sample&) {});
+    return sensor.sample().q_LP.z();
+  };
+  EXPECT_NE(heading(5, std::nullopt), heading(99, std::nullopt));
+  EXPECT_EQ(heading(5, 99), heading(99, std::nullopt));
+}
 
 // At 50 Hz the first fix of 2 s is in sample 100; a reload keeps it, and a power on loses it.
 TEST_F(SensorExchangeTest, TheReceiverSearches) {
