@@ -6,7 +6,8 @@
 // A line of HASHES is a 64-bit FNV-1a hash, the number of frames, a protocol and its settings (key=value ...). The
 // exit code is 1 if a line is wrong; the correct lines go to standard output. With the setting solution=filter the
 // unit computes its own solution, and with solution=attitude its attitude alone. With aids=all the filter has every
-// aid, each of which must have been used, and with motion=rest the vehicle rests instead of the flight.
+// aid, each of which must have been used, and with motion=rest the vehicle rests instead of the flight. With
+// sky=almanac the receiver sees the satellites of an almanac.
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
@@ -33,6 +34,7 @@
 #include "core/units.hpp"
 #include "protocols/protocol.hpp"
 #include "protocols/truth_format.hpp"
+#include "tests/core/gnss/constellation.hpp"
 
 namespace imud {
 namespace {
@@ -131,7 +133,7 @@ ImuModel navigating(double rate_hz) {
 // The settings of a line that are not the protocol's.
 struct Unit {
   std::optional<NavigatorModel::Kind> solution;
-  bool has_all_aids = false, rests = false;
+  bool has_all_aids = false, rests = false, has_almanac = false;
 
   // Returns whether `setting` is one of these.
   bool read(std::string_view setting) {
@@ -143,6 +145,8 @@ struct Unit {
       has_all_aids = true;
     } else if (setting == "motion=rest") {
       rests = true;
+    } else if (setting == "sky=almanac") {
+      has_almanac = true;
     } else {
       return false;
     }
@@ -171,6 +175,10 @@ ImuModel model_of(const Unit& unit, double rate_hz) {
     model.earth.frame = EarthModel::Frame::local;
     model.earth.latitude = 0.8;
     model.earth.longitude = -1.2;
+  }
+  if (unit.has_almanac) {
+    model.navigation.gnss.almanac = constellation();
+    model.navigation.gnss.multipath = 3;
   }
   if (!unit.has_all_aids) return model;
   model.barometer.noise = 5;
