@@ -48,8 +48,8 @@ struct MeasuredQuantity {
   void (*set)(double value, ReadBack& read) noexcept = nullptr;  // its inverse; nullptr: a Measurement has no place
   Kind kind = Kind::number;
   bool is_increment = false;  // depends on the increments of the Reading
-  // It has a value of its own only if this is known: the unit's place, the GPS time (Sample::timed()), or a fix of the
-  // receiver. Without it a text may leave the quantity out.
+  // It has a value of its own only if this is known: the unit's place, the GPS time (Sample::timed()), or a fix of
+  // the receiver. Without it a text may leave the quantity out.
   enum class Needs : std::uint8_t { nothing, place, time, fix } needs = Needs::nothing;
   bool is_known(const Sample& sample) const noexcept;
 };
