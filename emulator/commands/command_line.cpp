@@ -21,6 +21,7 @@
 
 #include "emulator/commands/check.hpp"
 #include "emulator/commands/example.hpp"
+#include "emulator/commands/found_config.hpp"
 #include "emulator/commands/list.hpp"
 #include "emulator/commands/selftest.hpp"
 #include "emulator/config/load_config.hpp"
@@ -168,9 +169,10 @@ int execute(int argc, const char* const* argv) {
         ->allow_extra_args(false);
     command->set_version_flag("--version", std::string("imud ") + IMUD_VERSION);
   };
-  const auto with_config = [&](CLI::App* command) {
-    command->add_option("CONFIG", arguments.config, "Configuration, TOML, or a record, for that of its run")
-        ->required();
+  const auto with_config = [&](CLI::App* command, bool is_found) {
+    std::string help = "Configuration, TOML, or a record, for that of its run";
+    if (is_found) help += " (./imud.toml, $XDG_CONFIG_HOME/imud/imud.toml or /etc/imud/imud.toml)";
+    command->add_option("CONFIG", arguments.config, help)->required(!is_found);
     with_set(command);
   };
   const auto with_scenario = [&](CLI::App* command) {
@@ -189,8 +191,8 @@ int execute(int argc, const char* const* argv) {
     add(*command, option, path, "FILE", help);
     arguments.outputs.push_back({command, option, &path, is_of_single_run});
   };
-  const auto with_run = [&](CLI::App* command) {
-    with_config(command);
+  const auto with_run = [&](CLI::App* command, bool is_found) {
+    with_config(command, is_found);
     add(*command, "--for", arguments.run.duration_s, "SECONDS", "End after this many seconds")
         ->check([](const std::string& text) {
           double value = 0;
@@ -232,9 +234,9 @@ int execute(int argc, const char* const* argv) {
     command->add_flag("-v,--verbose", arguments.verbose, "Log details, too")->excludes(quiet);
   };
   auto* run_command = app.add_subcommand("run", "Emulate until SIGINT or SIGTERM");
-  with_run(run_command);
+  with_run(run_command, true);
   auto* replay_command = app.add_subcommand("replay", "Emulate from a captured truth stream, to its end");
-  with_run(replay_command);
+  with_run(replay_command, false);
   replay_command
       ->add_option(
           "CAPTURE", arguments.capture,
@@ -265,7 +267,7 @@ int execute(int argc, const char* const* argv) {
       "Open no port, and write the measurements as an array of (seeds, measurements), and the truth at "
       "them; {imu} in the name is the imu's");
   auto* check_command = app.add_subcommand("check", "List every fault of a configuration, or show what it would run");
-  with_config(check_command);
+  with_config(check_command, true);
   check_command->add_option("CAPTURE", arguments.capture,
                             "Check the replay of this capture: also whether each fault begins before it ends");
   with_require(check_command);
@@ -339,6 +341,8 @@ int execute(int argc, const char* const* argv) {
       throw OpenError("--record-files: needs --record-max-mb");
     if (list_command->parsed()) return list(arguments.name, json);
     if (example_command->parsed()) return only_model ? example_model(arguments.name) : example(arguments.name);
+    if (arguments.config.empty() && (run_command->parsed() || check_command->parsed()))
+      arguments.config = found_config();
     if (check_command->parsed()) {
       const CapturePort capture(arguments.capture, arguments.config);
       return check(arguments.config, arguments.overrides,

@@ -95,6 +95,9 @@ class Manual:
             page.lines += verbatim(example.strip() for example in examples)
         if command.name == "imud":
             page.head("FILES")
+            page.item("\\fIimud.toml\\fR, \\fI~/.config/imud/imud.toml\\fR, \\fI/etc/imud/imud.toml\\fR",
+                      "The configuration of run and check if none is given: the first of these that exists. XDG_CONFIG_HOME takes "
+                      "the place of ~/.config.")
             page.item("\\fI/etc/imud/NAME.toml\\fR", "The configuration of the service imud@NAME.")
             page.item("\\fI/run/imud/NAME\\fR", "The folder of its ptys and of its control socket.")
             page.item("\\fI/usr/share/imud\\fR", "Examples, scenarios, bridges to simulators, a captured flight, and all README.md pages.")
