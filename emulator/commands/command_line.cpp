@@ -4,15 +4,12 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <sys/resource.h>
-#include <sys/signalfd.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cerrno>
-#include <csignal>
 #include <cstdio>
 #include <cstring>
-#include <memory>
 #include <stdexcept>
 #include <string>
 #include <string_view>
@@ -22,6 +19,7 @@
 #include "emulator/commands/check.hpp"
 #include "emulator/commands/example.hpp"
 #include "emulator/commands/found_config.hpp"
+#include "emulator/commands/keep_ptys.hpp"
 #include "emulator/commands/list.hpp"
 #include "emulator/commands/selftest.hpp"
 #include "emulator/config/load_config.hpp"
@@ -34,7 +32,6 @@
 #include "emulator/truth/capture_check.hpp"
 #include "transports/file/output_path.hpp"
 #include "transports/port.hpp"
-#include "transports/uart/pty_keeper.hpp"
 
 namespace imud {
 namespace {
@@ -65,25 +62,6 @@ template <class Value>
 CLI::Option* add(CLI::App& command, const std::string& name, Value& value, const std::string& unit,
                  const std::string& help) {
   return command.add_option(name, value, help)->type_name(unit);
-}
-
-// Holds ptys until SIGINT, SIGTERM or SIGHUP. In the background the calling process returns when they are ready.
-int keep_ptys(const std::vector<std::string>& links, bool background) {
-  sigset_t signals;
-  sigemptyset(&signals);
-  for (const int signal : {SIGINT, SIGTERM, SIGHUP}) sigaddset(&signals, signal);
-  sigprocmask(SIG_BLOCK, &signals, nullptr);
-  const FileDescriptor stop(::signalfd(-1, &signals, SFD_CLOEXEC));
-  std::vector<std::unique_ptr<PtyKeeper>> keepers;
-  for (const std::string& link : links) {
-    keepers.push_back(std::make_unique<PtyKeeper>(link));
-    fmt::print("{} is held, as {}\n", keepers.back()->link(), keepers.back()->slave());
-  }
-  std::fflush(stdout);
-  if (background && ::daemon(1, 0) != 0)
-    throw std::runtime_error(fmt::format("cannot go to the background: {}", std::strerror(errno)));
-  PtyKeeper::serve(keepers, stop.get());
-  return 0;
 }
 
 // Collects the files that the command writes.
