@@ -2,6 +2,11 @@
 #pragma once
 
 #include <string>
+#include <string_view>
+
+#include "emulator/config/presets.hpp"
+#include "protocols/protocol.hpp"
+#include "protocols/truth_format.hpp"
 
 namespace imud {
 
@@ -12,5 +17,14 @@ int example(const std::string& name);
 
 // Prints the preset called `name`, to be copied into a configuration. Returns the exit code: 2 if there is none.
 int example_model(const std::string& name);
+
+// Returns [truth] with a format, all of whose settings are in it as comments. `port`: empty: an example.
+std::string truth_text(const TruthFormat& format, const std::string& port = {});
+
+// Returns [[imu]] with a protocol at a port, which begins with the name of a transport. `unit`: the product of the
+// protocol (`model` in [imu.device]); empty: the default one. `preset`: the sensor whose errors it has; nullptr: the
+// product's.
+std::string imu_text(const Protocol& protocol, const std::string& port, std::string_view unit,
+                     const Preset* preset = nullptr);
 
 }  // namespace imud
