@@ -1,0 +1,129 @@
+#include "emulator/commands/simulators.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <regex>
+#include <stdexcept>
+#include <system_error>
+#include <vector>
+
+#include "emulator/commands/example.hpp"
+#include "emulator/config/config_parts.hpp"
+#include "emulator/ground/table_reader.hpp"
+#include "emulator/ground/text_file.hpp"
+#include "protocols/truth_format.hpp"
+#include "transports/port.hpp"
+
+namespace imud {
+namespace {
+
+constexpr std::string_view start_mark = "# start: ", place_mark = "# place: inertial\n";
+
+// Returns the rest of the line that begins at `at`.
+std::string_view line_at(std::string_view text, std::size_t at) {
+  return at == text.npos ? std::string_view() : text.substr(at, text.find('\n', at) - at);
+}
+
+// Returns the text with `number` in place of another number.
+std::string with_number(std::string_view text, const std::string& old, const std::string& number) {
+  return std::regex_replace(std::string(text), std::regex("\\b" + old + "\\b"), number);
+}
+
+// Returns the text with another truth.port, and its number in what to start.
+ChosenTruth with_port(ChosenTruth truth, const std::string& port) {
+  static const std::regex given("(\n|^)(port +=|port =) \"([^\"]*)\"");
+  std::smatch match;
+  if (port.empty() || !std::regex_search(truth.toml, match, given)) return truth;
+  const std::string old = match[3];
+  const std::size_t begin = old.find_last_not_of("0123456789") + 1;
+  const std::string number = old.substr(begin);
+  const bool is_number = port.find_first_not_of("0123456789") == port.npos;
+  if (is_number && number.empty()) throw OpenError(fmt::format("{} has no number; give a port", old));
+  const std::size_t digits = port.find_last_not_of("0123456789") + 1;
+  const std::string text = is_number ? old.substr(0, begin) + port : port;
+  truth.toml.replace(static_cast<std::size_t>(match.position(3)), old.size(), text);
+  if (!number.empty() && digits < port.size()) truth.start = with_number(truth.start, number, port.substr(digits));
+  return truth;
+}
+
+// Counts how many of the first records of a capture are truths of a format, less those that are none.
+int fitness(const TruthFormat& format, const std::string& port) try {
+  constexpr int enough = 200;
+  const auto decoder = format.make(Settings(format.settings));
+  const auto source = open_port(port, PortSettings(Role::listener));
+  const bool has_datagrams = source->keeps_datagrams().value_or(transport_of(port)->keeps_datagrams);
+  int sum = 0;
+  for (int reads = 0; reads < enough && !source->at_end(); ++reads) {
+    const auto received = source->receive();
+    if (!received) continue;
+    decoder->feed(received->frame.bytes,
+                  has_datagrams && !received->is_piece ? TruthInput::datagram : TruthInput::stream, received->time);
+    Truth truth;
+    while (const auto result = decoder->next(truth))
+      if (*result != TruthResult::no_state) sum += *result == TruthResult::ok ? 1 : -1;
+  }
+  return sum;
+} catch (const std::exception&) {
+  return 0;  // the format needs settings
+}
+
+// Returns the truth of a capture, by the format that fits it best. Rows of numbers fit formats without names of
+// columns, too: of two that fit as well, the one with names is meant.
+ChosenTruth of_capture(const std::string& capture) {
+  const std::string port = capture_port(capture);
+  const TruthFormat* best = nullptr;
+  int most = 0;
+  for (const TruthFormat* format : truth_formats())
+    if (const int fit = fitness(*format, port);
+        fit > most || (fit == most && best != nullptr && best->columns.empty() && !format->columns.empty())) {
+      most = fit;
+      best = format;
+    }
+  if (best == nullptr) throw OpenError(fmt::format("{}: no truth format fits it with its default settings", capture));
+  return {truth_text(*best, port), "", false,
+          fmt::format("The first records of {} fit the truth format {}: if they are of another, change it.", capture,
+                      best->name)};
+}
+
+}  // namespace
+
+std::string_view Simulator::summary() const noexcept { return line_at(text, 2); }
+
+std::string_view Simulator::start() const noexcept {
+  return line_at(text, text.find(start_mark) + start_mark.size());
+}
+
+bool Simulator::is_inertial() const noexcept { return text.find(place_mark) != text.npos; }
+
+std::string_view Simulator::toml() const noexcept {
+  std::string_view rest = text;
+  while (rest.starts_with('#')) rest.remove_prefix(rest.find('\n') + 1);
+  return rest;
+}
+
+ChosenTruth choose_truth(const std::string& from, const std::string& port) {
+  for (const Simulator& simulator : simulators())
+    if (simulator.name == from)
+      return with_port({fmt::format("# {}\n{}", simulator.summary(), simulator.toml()),
+                        std::string(simulator.start()), simulator.is_inertial()},
+                       port);
+  if (const TruthFormat* format = find_truth_format(from))
+    return with_port({truth_text(*format), fmt::format("the simulator, which sends {}", format->summary), false},
+                     port);
+  std::error_code none;
+  const Transport* transport = transport_of(from);
+  if (std::filesystem::is_regular_file(from, none) || (transport != nullptr && transport->ends))
+    return of_capture(from);
+  std::vector<std::string> known;
+  for (const Simulator& simulator : simulators()) known.emplace_back(simulator.name);
+  const std::string all =
+      fmt::format("there are {}, the truth formats of imud list, and files", fmt::join(known, ", "));
+  const auto formats = names(truth_formats());
+  known.insert(known.end(), formats.begin(), formats.end());
+  throw OpenError(
+      fmt::format("there is no simulator, truth format or file \"{}\"; {}", from, suggestion(from, known, all)));
+}
+
+}  // namespace imud
