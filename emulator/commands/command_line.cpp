@@ -19,6 +19,7 @@
 #include "emulator/commands/check.hpp"
 #include "emulator/commands/example.hpp"
 #include "emulator/commands/found_config.hpp"
+#include "emulator/commands/init.hpp"
 #include "emulator/commands/keep_ptys.hpp"
 #include "emulator/commands/list.hpp"
 #include "emulator/commands/selftest.hpp"
@@ -286,6 +287,9 @@ int execute(int argc, const char* const* argv) {
   bool background = false;
   pty_command->add_flag("--background", background, "Return as soon as the pseudo-terminals are held");
 
+  InitOptions init_options;
+  const CLI::App* init_command = add_init_command(app, init_options);
+
   CtlOptions ctl_options;
   const CLI::App* ctl_command = add_ctl_command(app, ctl_options);
 
@@ -326,6 +330,7 @@ int execute(int argc, const char* const* argv) {
       return check(arguments.config, arguments.overrides,
                    {layout, arguments.run.required, arguments.scenarios, capture.port, capture.repeats});
     }
+    if (init_command->parsed()) return init(init_options);
     if (ctl_command->parsed()) return ctl(ctl_options);
     if (pty_command->parsed()) return keep_ptys(links, background);
     if (selftest_command->parsed()) {

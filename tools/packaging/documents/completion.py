@@ -24,8 +24,10 @@ def keys(text):
                 table = [re.sub(r"^imu\b", "imu.0", name) + "." for name in names] or ([""] if row == "## The file" else [])
         elif row.startswith("| `") and table:
             for name in re.findall(r"`([a-z_0-9.]+)`", cells(row)[0]):
-                sensor = name.split(".")[0] if "." in name else ""
-                found += ["imu.0." + name] if f"imu.0.{sensor}." in table else [prefix + name for prefix in table]
+                # A key that begins with its sensor stands in that sensor's table.
+                sensor = f"imu.0.{name.split('.')[0]}." if "." in name else ""
+                found += ["imu.0." + name] if sensor and any(prefix.startswith("imu.0.gyro.") for prefix in table) else \
+                    [prefix + name for prefix in table]
     return list(dict.fromkeys(found))
 
 
@@ -39,6 +41,10 @@ class Completion:
         methods = [name for row in control[begin:control.index("\n\n", begin)].splitlines()[2:]
                    for name in re.findall(r"`([a-z.]+)`", cells(row)[0])]
         deviations = next(option for option in programs.commands["imu-allan"].options if "--deviation" in option.names)
+        init = programs.commands["imud init"]
+        simulators = next(option for option in init.options if option.names == ["--from"]).text.split(";")[0].split(", ")
+        units = [unit for name in programs.of_kind("protocol") for setting in name["settings"] if setting["key"] == "model"
+                 for unit in setting["valid"].removeprefix("one of ").split(", ")]
         settings = [setting["key"] for name in programs.of_kind("protocol") for setting in name["settings"]]
         self.sets = {
             "names": programs.shipped_names("protocol", "truth format", "transport", "preset"),
@@ -48,6 +54,8 @@ class Completion:
             "ports": [f"{name}:" for name in programs.shipped_names("transport")],
             "keys": [f"{key}=" for key in keys((source / "emulator/CONFIGURATION.md").read_text())],
             "settings": [f"{key}=" for key in dict.fromkeys(settings)],
+            "products": programs.shipped_names("protocol") + units,
+            "simulators": simulators + programs.shipped_names("truth format"),
             "methods": methods,
             "motions": first_words(programs.commands["imu-truth"], "Motions") + ["list"],
             "formats": programs.shipped_names("truth format") + ["ulog", "mcap"],
@@ -63,8 +71,11 @@ class Completion:
             return ["commands"]
         if name == "--set":
             return ["settings"] if words in ("imu-decode", "imu-allan", "imu-fit", "imu-truth") else ["keys"]
+        if (words, name) == ("imud init", "--truth"):
+            return ["ports"]
         given = {"--scenario": [SCENARIOS, FILES], "--name": [RUNS], "--deviation": ["deviations"], "--format": ["formats"],
                  "PROTOCOL": ["protocols"] + ([] if words == "imu-decode" else ["arrays"]), "PORT": ["ports", FILES],
+                 "PRODUCT": ["products"], "--from": ["simulators", FILES], "--port": ["ports"],
                  "METHOD": ["methods"], "PARAMETER": ["keys"], "MOTION": ["motions"]}.get(name)
         if given:
             return given

@@ -1,0 +1,45 @@
+// The command `imud init`: a configuration for a product, a port and a simulator.
+#pragma once
+
+#include <string>
+
+#include "protocols/protocol.hpp"
+
+namespace CLI {
+class App;
+}
+
+namespace imud {
+
+struct InitOptions {
+  std::string product;  // a protocol, or a product of one
+  std::string port;
+  std::string from;   // choose_truth()
+  std::string truth;  // the port of the truth, or its number; empty: the simulator's own
+  std::string place;  // LATITUDE,LONGITUDE[,HEIGHT]; empty: none
+  std::string output = "imud.toml";
+  bool is_forced = false;
+};
+
+// Adds the command with its options to the command line.
+const CLI::App* add_init_command(CLI::App& app, InitOptions& options);
+
+// Writes the configuration and prints what to do next. Asks if product, port or simulator is missing and standard
+// input and output are a terminal. Returns the exit code. Throws OpenError if something is missing or wrong,
+// PortError or ConfigError if `imud check` would refuse the configuration; nothing is written then.
+int init(InitOptions options);
+
+// A product by one of its names.
+struct ChosenProduct {
+  const Protocol* protocol = nullptr;
+  std::string unit;  // a value of the protocol's setting `model`; empty: the default one
+};
+// Returns the protocol, or the unit of a protocol, of that name, whatever its case. Throws OpenError, which suggests
+// the nearest name, if there is none.
+ChosenProduct choose_product(const std::string& name);
+// Throws OpenError if the port is none for the protocol: its kind is unknown, or carries something else.
+void check_device_port(const Protocol& protocol, const std::string& port);
+// Returns the lines of [earth] for a place and a truth. Throws OpenError if it is no place.
+std::string earth_lines(const std::string& place, bool is_on_earth, bool is_inertial);
+
+}  // namespace imud
