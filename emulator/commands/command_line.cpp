@@ -19,6 +19,7 @@
 #include "emulator/commands/check.hpp"
 #include "emulator/commands/example.hpp"
 #include "emulator/commands/found_config.hpp"
+#include "emulator/commands/help_topics.hpp"
 #include "emulator/commands/init.hpp"
 #include "emulator/commands/keep_ptys.hpp"
 #include "emulator/commands/list.hpp"
@@ -119,6 +120,13 @@ std::string unknown_command(const CLI::App& app, const std::vector<std::string>&
   if (std::find(commands.begin(), commands.end(), given) != commands.end()) return {};
   return fmt::format("unknown command \"{}\"; {}", given,
                      suggestion(given, commands, fmt::format("there are {}", fmt::join(commands, ", "))));
+}
+
+// Returns true if the word after `help` is neither a command nor a request for help itself.
+bool is_topic(const CLI::App& app, std::string_view word) {
+  const auto commands = app.get_subcommands({});
+  return word != "-h" && word != "--help" &&
+         std::ranges::none_of(commands, [&](const CLI::App* command) { return command->get_name() == word; });
 }
 
 // Prints a fault; if too many files are open, also how to permit more.
@@ -293,12 +301,15 @@ int execute(int argc, const char* const* argv) {
   CtlOptions ctl_options;
   const CLI::App* ctl_command = add_ctl_command(app, ctl_options);
 
-  app.add_subcommand("help", "Show this text, or that of COMMAND")->add_option("COMMAND");
+  app.add_subcommand("help", "Show this text, that of a command, or what is known of a key or a word")
+      ->add_option("TOPIC");
   app.footer(
       "Example: imud check imu.toml && imud run imu.toml --for 10\n"
       "Every key: emulator/CONFIGURATION.md, in the source and, installed, in share/imud");
 
   std::vector<std::string> given = words(argc, argv);
+  if (given.size() == 2 && std::string_view(argv[1]) == "help" && is_topic(app, argv[2]))
+    return help_topic(app, argv[2]);
   if (const std::string fault = unknown_command(app, given); !fault.empty()) {
     fmt::print(stderr, "imud: {}\n", fault);
     return 2;

@@ -90,6 +90,7 @@ class CompletionTest(unittest.TestCase):
         cases = [([*words, "--"], [name for name in options(words) if name.startswith("--")]) for words in commands()]
         cases += [(["imud", ""], [words[1] for words in commands() if len(words) > 1]),
                   (["imud", "help", ""], [words[1] for words in commands() if len(words) > 1]),
+                  (["imud", "help", "truth.d"], ["truth.delay_ms"]),
                   (["imud", "example", ""], names("protocol", "truth format", "preset")),
                   (["imud", "init", ""], [*names("protocol"), "vn-200", "3dm-gq7", "openimu300ri"]),
                   (["imud", "init", "stim300", "--from", ""], ["jsbsim", "gazebo", "px4", "ardupilot", "basilisk", "fmi", "42",

@@ -61,6 +61,7 @@ class Completion:
             "formats": programs.shipped_names("truth format") + ["ulog", "mcap"],
             "presets": programs.shipped_names("preset"),
             "deviations": re.findall(r"[a-z]+(?:-[a-z]+)?", deviations.text.replace("(default)", "").replace(" or ", " ")),
+            "topics": keys((source / "emulator/CONFIGURATION.md").read_text()),
             "commands": [entry.names[0] for entry in programs.commands["imud"].commands],
         }
 
@@ -142,6 +143,7 @@ class Completion:
                 described = " ".join(quoted(f"{entry.names[0]}:{entry.text}") for entry in command.commands)
                 out.append(f"_imud_described() {{ local -a commands=({described}); _describe command commands }}")
                 specs += ["(-)1:command:_imud_described", "(-)*::argument:->argument"]
+                out.append("_imud_help() { _imud_described; _imud_topics }")
             out.append(f"_{command.name.replace('-', '_')}_specs() {{ specs=({' '.join(quoted(spec) for spec in specs)}) }}")
         out.append(ZSH_END)
         return "\n".join(out) + "\n"
@@ -166,7 +168,7 @@ class Completion:
             if words == "imud":
                 for entry in command.commands:
                     out.append(f"{begin} -f -a {quoted(entry.names[0])} -d {quoted(entry.text)}")
-                out.append(f"complete -c imud -n '__fish_seen_subcommand_from help' -f -a '{' '.join(self.sets['commands'])}'")
+                out.append(f"complete -c imud -n '__fish_seen_subcommand_from help' -f -a '{' '.join(self.sets['commands'] + self.sets['topics'])}'")
             for option in command.options:
                 names = " ".join(f"-l {name[2:]}" if name.startswith("--") else f"-s {name[1:]}" for name in option.names)
                 spec = f"{begin} {names} -d {quoted(option.text)}"
@@ -220,7 +222,7 @@ _imud() {
     positionals=(commands)
   fi
   case $program in"""
-BASH_END = """    'imud help') positionals=(commands) ;;
+BASH_END = """    'imud help') positionals=('commands topics') ;;
   esac
   if [[ $program == imud ]]; then positionals=(commands); fi
   if [[ $kinds ]]; then _imud_values "$kinds" "$word"; return; fi
@@ -249,7 +251,7 @@ _imud_dispatch() {
   _arguments -C "${specs[@]}"
   if [[ $state != argument ]]; then return; fi
   if [[ $words[1] == help ]]; then
-    _arguments '1:command:_imud_described'
+    _arguments '1:topic:_imud_help'
   elif (($+functions[_imud_${words[1]}_specs])); then
     _imud_${words[1]}_specs
     _arguments "${specs[@]}"

@@ -1,0 +1,31 @@
+// The rows of the reference: one for each configuration key, or for keys that mean the same.
+#pragma once
+
+#include <span>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+namespace imud {
+
+// A page of the reference in Markdown, which CMake builds in: emulator/CONFIGURATION.md, emulator/faults/README.md.
+struct ReferencePage {
+  std::string_view name;
+  std::string_view text;
+};
+std::span<const ReferencePage> reference_pages() noexcept;
+
+struct KeyRow {
+  std::vector<std::string> keys;  // with their tables: imu.gyro.bias_deg_per_s, fault.at_s
+  std::string protocol;           // a key of [imu.device]: the protocol that has it; empty: another key
+  std::vector<std::pair<std::string, std::string>> cells;  // title and text of the other columns, such as "default"
+};
+
+// Returns the rows of all pages, in their order.
+std::vector<KeyRow> key_rows();
+
+// Returns the key without the number or the name of an imu: imu.gyro.x for imu.0.gyro.x and imu.NAME.gyro.x.
+std::string without_imu(const std::string& key, const std::vector<KeyRow>& rows);
+
+}  // namespace imud
