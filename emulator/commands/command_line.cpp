@@ -17,6 +17,7 @@
 #include <vector>
 
 #include "emulator/commands/check.hpp"
+#include "emulator/commands/demo.hpp"
 #include "emulator/commands/example.hpp"
 #include "emulator/commands/found_config.hpp"
 #include "emulator/commands/help_topics.hpp"
@@ -295,6 +296,8 @@ int execute(int argc, const char* const* argv) {
   bool background = false;
   pty_command->add_flag("--background", background, "Return as soon as the pseudo-terminals are held");
 
+  DemoOptions demo_options;
+  const CLI::App* demo_command = add_demo_command(app, demo_options);
   InitOptions init_options;
   const CLI::App* init_command = add_init_command(app, init_options);
 
@@ -341,6 +344,7 @@ int execute(int argc, const char* const* argv) {
       return check(arguments.config, arguments.overrides,
                    {layout, arguments.run.required, arguments.scenarios, capture.port, capture.repeats});
     }
+    if (demo_command->parsed()) return demo(demo_options);
     if (init_command->parsed()) return init(init_options);
     if (ctl_command->parsed()) return ctl(ctl_options);
     if (pty_command->parsed()) return keep_ptys(links, background);

@@ -120,11 +120,13 @@ class InstallTest(unittest.TestCase):
 
     def test_needs_no_source_tree(self):
         """In a namespace where the source tree and the build are hidden by empty folders, a configuration, the captured
-        flight and a scenario of the installed tree become packets."""
+        flight and a scenario of the installed tree become packets, and `imud demo` shows them."""
         script = f"""mount -t tmpfs none {shlex.quote(str(SOURCE))}
             if [ -e {shlex.quote(str(BUILD))} ]; then mount -t tmpfs none {shlex.quote(str(BUILD))}; fi
             cd {shlex.quote(str(self.documents))}
             export PATH={shlex.quote(str(self.prefix / "bin"))}:$PATH
+            imud demo --for 1 > "$1/demo"
+            grep -q "checksum   0 failures" "$1/demo"
             imud example stim300 > "$1/imu.toml"
             imud replay "$1/imu.toml" tests/captures/jsbsim_c172_10s.pcap --fast --set truth.format=jsbsim --set truth.port=udp:127.0.0.1:5140 \\
                 --set imu.0.port=file:"$1/imu.bin" --scenario tools/scenarios/usb_batches.toml --quiet
