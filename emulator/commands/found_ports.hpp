@@ -8,7 +8,7 @@ namespace imud {
 
 struct FoundPort {
   std::string address;  // a path of a device, or the name of an interface
-  std::string words;    // what it is: the name of its device, its driver
+  std::string words;    // its device, its driver
 };
 
 // Returns the serial devices: those with a name in /dev/serial/by-id by that, then other USB adapters, then UARTs of

@@ -38,7 +38,7 @@ std::string beginning(const std::string& text) {
   return text.substr(0, text.rfind(' ', most)) + " ...";
 }
 
-// Prints those of `all` that have the topic, under a title. Returns how many there are.
+// Prints the entries of `all` that have the topic, under a title. Returns how many there are.
 std::size_t print_found(std::string_view title, const std::vector<Found>& all, const std::string& topic) {
   std::size_t count = 0;
   for (const Found& found : all) {

@@ -59,7 +59,7 @@ void ask_for(std::string& option, std::string_view question, const std::vector<A
   }
 }
 
-// Returns the ports of a protocol: those of this machine, then one of each other kind.
+// Returns ports for a protocol: the devices of this machine, then an example of each other kind.
 std::vector<Answer> ports_for(const Protocol& protocol) {
   const bool is_can = protocol.link == Link::can;
   std::vector<Answer> all;

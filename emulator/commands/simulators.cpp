@@ -48,7 +48,7 @@ ChosenTruth with_port(ChosenTruth truth, const std::string& port) {
   return truth;
 }
 
-// Counts how many of the first records of a capture are truths of a format, less those that are none.
+// Counts how many of the first records of a capture are truths of a format, less the number of refused ones.
 int fitness(const TruthFormat& format, const std::string& port) try {
   constexpr int enough = 200;
   const auto decoder = format.make(Settings(format.settings));

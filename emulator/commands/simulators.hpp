@@ -34,7 +34,7 @@ struct ChosenTruth {
 };
 
 // Returns the truth of a simulator, of a truth format or of a capture called `from`. `port` replaces the port, or, if
-// it is a number, the number in it; empty: as the simulator has it. Throws OpenError if there is no such name or
+// it is a number, the number in it; empty: the simulator's own. Throws OpenError if there is no such name or
 // file, or if no truth format fits the capture.
 ChosenTruth choose_truth(const std::string& from, const std::string& port);
 
