@@ -26,6 +26,7 @@
 #include "emulator/drive/realtime_thread.hpp"
 #include "emulator/engine/closing.hpp"
 #include "emulator/faults/fault_labels.hpp"
+#include "emulator/ground/progress_line.hpp"
 #include "emulator/ground/text_file.hpp"
 #include "emulator/record/recorder.hpp"
 #include "emulator/run/readiness.hpp"
@@ -247,8 +248,15 @@ int run(const Config& config, const RunOptions& options) {
     for (RunEvent event; control.events.pop(event);) api.report(event);
     api.report_faults();
   };
+  // A line of the log must not be appended to the line of progress: at a terminal both are updated together.
+  ProgressLine progress(config.clock == ClockMode::fast && is_capture(config.truth.port) &&
+                        spdlog::should_log(spdlog::level::info));
   Ticker ticker(io, [&] {
-    monitor.update();
+    if (!progress.is_active() || progress.is_due()) {
+      progress.clear();
+      monitor.update();
+    }
+    if (const double read = counters.truth->progress; read > 0) progress.show(read, "the capture");
     report_events();
     reloader.update();
   });
@@ -273,6 +281,7 @@ int run(const Config& config, const RunOptions& options) {
     asio::post(io, [&io] { io.stop(); });
   });
   io.run();
+  progress.clear();
   report_stopping();
   worker.join();
   engine.finish_faults();

@@ -2,11 +2,9 @@
 
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <chrono>
-#include <cstdio>
 
 #include "emulator/faults/fault_labels.hpp"
 #include "transports/host_clock.hpp"
@@ -100,25 +98,20 @@ std::string SeedResults::labels(bool as_json) const {
 }
 
 SeedProgress::SeedProgress(std::size_t runs, bool quiet)
-    : runs_(runs), quiet_(quiet), is_terminal_(::isatty(STDERR_FILENO) == 1), begin_(host_now()), shown_(begin_) {}
-
-SeedProgress::~SeedProgress() {
-  if (is_terminal_ && shown_ != begin_) fmt::print(stderr, "\r\033[K");
-}
+    : runs_(runs), quiet_(quiet), begin_(host_now()), logged_(begin_), line_(!quiet) {}
 
 void SeedProgress::show(std::size_t done) {
   using namespace std::chrono_literals;
+  const double share = static_cast<double>(done) / static_cast<double>(runs_);
+  if (line_.is_active()) {
+    line_.show(share, fmt::format("{} runs", runs_));
+    return;
+  }
   const HostTime now = host_now();
-  if (quiet_ || now - shown_ < (is_terminal_ ? Nanoseconds(200ms) : Nanoseconds(5s))) return;
-  shown_ = now;
-  std::string line = fmt::format("{} of {} runs", done, runs_);
-  if (done > 0)
-    line += fmt::format(", {:.0f} s left",
-                        seconds(now - begin_) / static_cast<double>(done) * static_cast<double>(runs_ - done));
-  if (is_terminal_)
-    fmt::print(stderr, "\r\033[K{}", line);
-  else
-    spdlog::info("{}", line);
+  if (quiet_ || now - logged_ < Nanoseconds(5s)) return;
+  logged_ = now;
+  spdlog::info("{} of {} runs{}", done, runs_,
+               done > 0 ? fmt::format(", {} left", time_left(seconds(now - begin_), share)) : "");
 }
 
 }  // namespace imud

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "core/time.hpp"
+#include "emulator/ground/progress_line.hpp"
 #include "emulator/plan/fault_config.hpp"
 
 namespace imud {
@@ -57,20 +58,18 @@ class SeedResults {
   int exit_code_ = 0;
 };
 
-// The line of progress on standard error: rewritten on a terminal, otherwise logged every five seconds.
+// The progress: a line on a terminal, otherwise logged every five seconds.
 class SeedProgress {
  public:
   SeedProgress(std::size_t runs, bool quiet);
-  ~SeedProgress();
-  SeedProgress(const SeedProgress&) = delete;
-  SeedProgress& operator=(const SeedProgress&) = delete;
   void show(std::size_t done);
 
  private:
   const std::size_t runs_;
-  const bool quiet_, is_terminal_;
+  const bool quiet_;
   const HostTime begin_;
-  HostTime shown_;
+  HostTime logged_;
+  ProgressLine line_;
 };
 
 }  // namespace imud

@@ -1,0 +1,53 @@
+#include "emulator/ground/progress_line.hpp"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <cstdio>
+
+#include "transports/host_clock.hpp"
+
+namespace imud {
+namespace {
+
+bool is_hidden = false;
+constexpr Nanoseconds first = std::chrono::milliseconds(500), interval = std::chrono::milliseconds(200);
+
+}  // namespace
+
+std::string time_left(double elapsed_s, double done) {
+  constexpr double minute = 60, hour = 3600, many = 100;
+  const double left_s = elapsed_s * (1 - done) / done;
+  return left_s < many            ? fmt::format("{:.0f} s", left_s)
+         : left_s < many * minute ? fmt::format("{:.0f} min", left_s / minute)
+                                  : fmt::format("{:.1f} h", left_s / hour);
+}
+
+ProgressLine::ProgressLine(bool is_wanted)
+    : is_active_(is_wanted && !is_hidden && ::isatty(STDERR_FILENO) == 1),
+      begin_(host_now()),
+      next_(begin_ + first) {}
+
+void ProgressLine::hide_all() noexcept { is_hidden = true; }
+
+bool ProgressLine::is_due() const noexcept { return is_active_ && host_now() >= next_; }
+
+void ProgressLine::show(double done, std::string_view work) {
+  if (!is_due()) return;
+  const HostTime now = host_now();
+  next_ = now + interval;
+  clear();
+  fmt::print(stderr, "{:.0f} % of {}", 100 * done, work);
+  if (done > 0) fmt::print(stderr, ", {} left", time_left(seconds(now - begin_), done));
+  std::fflush(stderr);
+  is_shown_ = true;
+}
+
+void ProgressLine::clear() noexcept {
+  if (!is_shown_) return;
+  std::fputs("\r\033[K", stderr);
+  is_shown_ = false;
+}
+
+}  // namespace imud
