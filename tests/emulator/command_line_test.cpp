@@ -28,7 +28,7 @@ TEST(CommandLine, AnUnknownCommandIsNamedWithTheNearest) {
     EXPECT_EQ(result.exit_code, 2);
     EXPECT_EQ(result.errors, fmt::format("imud: unknown command \"{}\"; did you mean \"{}\"?\n", given, meant));
   }
-  const auto none = run_program("imud", {"help", "imu.toml"});
+  const auto none = run_program("imud", {"imu.toml"});
   EXPECT_EQ(none.exit_code, 2);
   EXPECT_TRUE(contains(none.errors, "unknown command \"imu.toml\"; there are run, replay, check")) << none.errors;
 }
