@@ -7,7 +7,8 @@
 
 namespace imud {
 
-// Returns the word of `words` that is nearest to `word` by Levenshtein distance; empty if none is near.
+// Returns the word of `words` that is nearest to `word` by Levenshtein distance, in which two exchanged letters count
+// once; empty if none is near.
 std::string nearest(std::string_view word, const std::vector<std::string>& words);
 
 }  // namespace imud
