@@ -10,7 +10,7 @@
 #include <system_error>
 #include <vector>
 
-#include "transports/port.hpp"
+#include "emulator/ground/text_file.hpp"
 
 namespace imud {
 
