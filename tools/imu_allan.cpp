@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "core/requirement.hpp"
+#include "emulator/ground/progress_line.hpp"
 #include "tools/allan/allan_plot.hpp"
 #include "tools/allan/allan_report.hpp"
 #include "tools/allan/preset_text.hpp"
@@ -84,13 +85,17 @@ int analyse(Options& options, const OutputOptions& outputs, bool& running) {
     report.against = model_terms(options.against, report.recording.rate_hz, &options.input.source);
   running = true;
   report.samples = report.recording.samples();
+  ProgressLine progress;
   for (auto& channel : report.recording.channels) {
+    progress.show(static_cast<double>(report.axes.size()) / static_cast<double>(report.recording.channels.size()),
+                  "the deviations");
     AllanReport::Axis axis{channel.number, {}, {}, channel.is_increment};
     axis.curve = allan_curve(kind, std::move(channel.values), report.recording.rate_hz, options.per_decade,
                              options.confidence);
     axis.fit = fit_allan_terms(axis.curve, options.fit_from_s, options.fit_to_s);
     report.axes.push_back(std::move(axis));
   }
+  progress.clear();
 
   if (!is_standard_output(options.json_path) && !is_standard_output(options.data_path))
     fmt::print("{}", report.text());

@@ -13,6 +13,7 @@
 #include <utility>
 #include <vector>
 
+#include "emulator/ground/progress_line.hpp"
 #include "protocols/measurements/measurement_csv.hpp"
 #include "protocols/protocol.hpp"
 #include "tools/arrays/measurement_files.hpp"
@@ -177,6 +178,7 @@ int execute(int argc, char** argv, bool& running) {
     if (!find.capture.empty()) return;
     if (options.input.protocol.empty()) throw CLI::RequiredError("PROTOCOL");
     if (options.input.port.empty()) throw CLI::RequiredError("PORT");
+    if (!options.quiet && ::isatty(STDOUT_FILENO) == 1) ProgressLine::hide_all();
   });
   add(app, "--require", options.limits, "LIMIT",
       "exits with 3 if a figure of the report breaks this limit, such as gaps=0 or jitter_p99_us<500;\n"

@@ -10,6 +10,7 @@
 
 #include "core/numbers/nearest.hpp"
 #include "emulator/frames/described_protocols.hpp"
+#include "emulator/ground/progress_line.hpp"
 #include "tools/input/log_formats.hpp"
 #include "tools/number_check.hpp"
 #include "tools/program.hpp"
@@ -141,6 +142,7 @@ std::string_view receive_all(Port& port, Decoder& decoder, MeasurementReceiver& 
   const auto elapsed_s = [&] { return seconds(host_now() - start); };
   Waiting waiting;
   LossNotice loss(options);
+  ProgressLine progress(!is_live);
   constexpr Nanoseconds longest_rest = std::chrono::seconds(30);
   std::optional<HostTime> stopped;
   while (true) {
@@ -154,6 +156,7 @@ std::string_view receive_all(Port& port, Decoder& decoder, MeasurementReceiver& 
 
     if (const auto received = port.receive()) {
       waiting.received();
+      if (progress.is_due()) progress.show(port.progress().value_or(0), options.port);
       receiver.set_arrival(arrival_counts ? std::optional(received->time) : std::nullopt);
       decoder.feed(received->frame, receiver);
       continue;

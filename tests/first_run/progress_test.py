@@ -1,0 +1,92 @@
+"""Long work shows its progress and the time left at a terminal, at most five times a second, and nothing in a pipe.
+
+usage: progress_test.py IMUD
+"""
+import os
+import pathlib
+import pty
+import re
+import subprocess
+import sys
+import tempfile
+import time
+import unittest
+
+IMUD = pathlib.Path(sys.argv.pop(1)).resolve()
+LINE = re.compile(r"(\d+) % of ([^,\r\x1b]+)(?:, (\d+(?:\.\d)?) (s|min|h) left)?")
+CONFIGURATION = """[truth]
+port = "udp:127.0.0.1:0"
+format = "csv"
+[[imu]]
+protocol = "stim300"
+port = "file:imu.bin"
+"""
+
+
+class ProgressTest(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        folder = tempfile.TemporaryDirectory()
+        cls.addClassCleanup(folder.cleanup)
+        cls.folder = pathlib.Path(folder.name)
+        (cls.folder / "imu.toml").write_text(CONFIGURATION)
+        subprocess.run([IMUD.parent / "imu-truth", "rest", "--rate", "10", "--for", "1500", "--csv", "truth.csv"], check=True, cwd=cls.folder,
+                       stderr=subprocess.DEVNULL)
+        # What the decoders read.
+        subprocess.run([IMUD, "replay", "imu.toml", "truth.csv", "--fast", "--quiet", "--set", "imu.0.port=file:whole.bin"], check=True,
+                       cwd=cls.folder, stdout=subprocess.DEVNULL)
+
+    def at_terminal(self, words):
+        """Runs a program whose standard error is a terminal. Returns the text there, and how long it took."""
+        terminal, end = pty.openpty()
+        begin = time.monotonic()
+        running = subprocess.Popen([IMUD.parent / words[0], *words[1:]], cwd=self.folder, stdout=subprocess.DEVNULL, stderr=end)
+        os.close(end)
+        text = b""
+        while True:
+            try:
+                text += os.read(terminal, 65536)
+            except OSError:
+                break
+        self.assertEqual(running.wait(), 0, text)
+        os.close(terminal)
+        return text.decode(), time.monotonic() - begin
+
+    def expect_progress(self, work, *words):
+        text, took_s = self.at_terminal(words)
+        shown = [line for line in LINE.findall(text) if re.fullmatch(work, line[1])]
+        self.assertGreater(len(shown), 0, text)
+        self.assertLessEqual(len(LINE.findall(text)), 5 * took_s + 1)
+        for phase in {line[1] for line in shown}:
+            shares = [int(line[0]) for line in shown if line[1] == phase]
+            self.assertEqual(shares, sorted(shares))
+            self.assertLessEqual(shares[-1], 100)
+        self.assertTrue(any(line[2] for line in shown), text)
+        # The last line is removed, and no other text is appended to one.
+        self.assertEqual(len(LINE.findall(text)), text.count("\r\x1b[K"), text)
+        for part in text.split("\r\x1b[K")[:-1]:
+            self.assertRegex(part.split("\n")[-1], rf"^{LINE.pattern}$")
+        piped = subprocess.run([IMUD.parent / words[0], *words[1:]], cwd=self.folder, capture_output=True, text=True)
+        self.assertEqual(piped.returncode, 0, piped.stderr)
+        self.assertNotRegex(piped.stderr, r"\r|\x1b|% of ")
+
+    def test_a_fast_replay(self):
+        self.expect_progress("the capture", "imud", "replay", "imu.toml", "truth.csv", "--fast", "--log-every", "0")
+
+    def test_a_quiet_one(self):
+        text, _ = self.at_terminal(["imud", "replay", "imu.toml", "truth.csv", "--fast", "--quiet"])
+        self.assertNotIn("%", text)
+
+    def test_seeds(self):
+        self.expect_progress("3 runs", "imud", "replay", "imu.toml", "truth.csv", "--seeds", "1..3", "--jobs", "1", "--set",
+                             "imu.0.port=file:imu{seed}.bin")
+
+    def test_a_decoder(self):
+        self.expect_progress("file:whole.bin", "imu-decode", "stim300", "file:whole.bin", "--quiet")
+
+    def test_the_allan_deviation(self):
+        self.expect_progress("file:whole.bin|the deviations", "imu-allan", "stim300", "file:whole.bin", "--rate-hz", "1000")
+
+
+if __name__ == "__main__":
+    unittest.main()
