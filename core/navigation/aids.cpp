@@ -29,7 +29,7 @@ bool Navigator::use(std::uint16_t aid, const InertialFilter::Measurement& measur
 void Navigator::use_fix(const Sample& sample, const At& at) noexcept {
   const Navigation& fix = sample.fix();
   const std::uint64_t lag = past_.size() - 1;
-  if (!fix.is_known || number_ < aligned_at_ + lag) return;
+  if (!has_fix(sample) || number_ < aligned_at_ + lag) return;
   const PositionVelocity measured = in_N(fix, at);
   const Motion& past = past_[(number_ - lag) % past_.size()];
   const Vector3 v_N = past.v_N + corrections_.v_N, r_N = past.r_N + corrections_.r_N;
@@ -130,7 +130,7 @@ void Navigator::use_antennas(const Sample& sample, const At& at) noexcept {
 }
 
 void Navigator::use_height(const Sample& sample, const At& at) noexcept {
-  if (!(sample.pressure > 0)) return;
+  if (!(sample.pressure > 0) || !has(aid::pressure)) return;
   const Navigation here = place(at);
   if (!here.is_known) return;
   InertialFilter::Measurement height = {.first = InertialFilter::position, .rows = 1};

@@ -48,7 +48,10 @@ void AttitudeFilter::propagate() noexcept {
   P_.block<3, 3>(phi, gyro_bias) = phi_bias;
   P_.block<3, 3>(gyro_bias, phi) = phi_bias.transpose();
   P_.diagonal().segment<3>(gyro_bias).array() += walk;
-  level(dv_L, t);
+  if (levels_)
+    level(dv_L, t);
+  else
+    correct(State::Zero());  // the next period begins
   time_s_ = turns2_s_ = turn_ = 0;
   rotation_s_.setZero();
 }
@@ -76,6 +79,15 @@ void AttitudeFilter::correct(const State& change) noexcept {
   const InertialState& motion = strapdown_.state();
   strapdown_.correct(change.segment<3>(phi), -motion.v_N, -motion.r_N);
   gyro_bias_ += change.segment<3>(gyro_bias);
+}
+
+void AttitudeFilter::turn(double angle, double variance) noexcept {
+  const Vector3 down = Vector3::UnitZ();
+  const Matrix3 R = exp(angle * down).toRotationMatrix();
+  const InertialState motion = strapdown_.state();
+  strapdown_.correct(angle * down, R * motion.v_N - motion.v_N, Vector3::Zero());
+  rotation_s_ = R.lazyProduct(rotation_s_).eval();
+  turn_and_forget(P_, phi, R, down, variance);
 }
 
 double AttitudeFilter::normalized_square(const Heading& heading) const noexcept {

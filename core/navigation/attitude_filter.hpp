@@ -74,6 +74,11 @@ class AttitudeFilter {
   // Returns the square of the innovation in units of its variance.
   double normalized_square(const Heading& heading) const noexcept;
   void update(const Heading& heading) noexcept;
+  // Turns the attitude about down by an angle, rad. The heading has been set: its error has that variance, rad^2,
+  // above 0, and no correlation.
+  void turn(double angle, double variance) noexcept;
+  // Sets whether the direction of the specific force is used. Default: it is.
+  void set_levelling(bool is_on) noexcept { levels_ = is_on; }
   // Adds to the variance of the rotation about down, rad^2.
   void add_heading_variance(double variance) noexcept { P_(2, 2) += variance; }
 
@@ -87,6 +92,7 @@ class AttitudeFilter {
   Vector3 gyro_bias_ = Vector3::Zero();
   Covariance P_ = Covariance::Zero();
   double manoeuvre2_ = 0;
+  bool levels_ = true;
   // In this period:
   double time_s_ = 0;
   Matrix3 rotation_s_ = Matrix3::Zero();  // the integral of C

@@ -37,6 +37,22 @@ void AttitudeReference::restart() noexcept {
   held_s_ = 0;
   last_time_.reset();
   number_ = 0;
+  given_.reset();
+}
+
+void AttitudeReference::set_aids(const NavigationAids& aids) noexcept {
+  aids_ = aids;
+  filter_.set_levelling((aids.withheld & aid::gravity) == 0);
+}
+
+void AttitudeReference::give(const GivenHeading& heading) noexcept {
+  if (!is_aligned_) {
+    alignment_.begin();
+    given_ = heading;
+  } else if (!heading.only_in_alignment) {
+    filter_.turn(turn_to(heading, filter_.q_LP()), square(GivenHeading::sigma));
+    is_rejecting_ = false;
+  }
 }
 
 void AttitudeReference::take(Sample& sample) noexcept {
@@ -63,6 +79,12 @@ void AttitudeReference::take(Sample& sample) noexcept {
 
 // --- Alignment
 
+// A given heading is the one of a direction that the platform had at the begin of the window, and does not turn.
+void AttitudeReference::begin_window() noexcept {
+  if (given_) given_->ahead_P = alignment_.q_P0P().conjugate() * given_->ahead_P;
+  alignment_.begin();
+}
+
 void AttitudeReference::find_north(const Sample& sample) noexcept {
   if (knows_north_ || !sample.navigation.is_known) return;
   knows_north_ = true;
@@ -88,7 +110,8 @@ void AttitudeReference::align(const Sample& sample, double dt) noexcept {
   const double t = alignment_.time_s();
   if (t < model_.alignment_s - tiny) return;
   const double g = filter_.tuning().gravity, force = alignment_.delta_velocity_P0().norm() / t;
-  if (!(std::abs(force - g) < 0.5 * g)) return alignment_.begin();
+  const bool is_level = std::abs(force - g) < 0.5 * g;
+  if (!is_level || (aids_.waits && !given_)) return begin_window();
   // A steady acceleration is an error of all the window.
   const double excess = std::max(0.0, std::abs(force - g) - Filter::gravity_of_place);
   const Quaternion q_LP = levelled(sample);
@@ -105,7 +128,10 @@ Quaternion AttitudeReference::levelled(const Sample& sample) const noexcept {
   if (up.isZero(0.0)) return Quaternion::Identity();
   Vector3 ahead_L = north_, ahead_P0 = field;
   constexpr double least_sine2 = 1e-4;
-  if (!are_apart(up, field, least_sine2)) {
+  if (given_ && are_apart(up, given_->ahead_P, least_sine2)) {
+    ahead_L = horizontal_at(given_->azimuth);
+    ahead_P0 = given_->ahead_P;
+  } else if (!are_apart(up, field, least_sine2)) {
     ahead_L = Vector3::UnitX();
     ahead_P0 = q_P0P * Vector3::UnitX();
     if (!are_apart(up, ahead_P0, least_sine2)) ahead_P0 = q_P0P * Vector3::UnitZ();
@@ -124,9 +150,12 @@ void AttitudeReference::begin_filter(const Quaternion& q_LP, const Vector2& sigm
   is_rejecting_ = false;
   used_ = rejected_ = 0;
   field_.reset();
+  const bool is_given = given_.has_value();
+  if (is_given) filter_.turn(0, square(GivenHeading::sigma));
+  given_.reset();
   if (!has_azimuth(field_L)) return;
   field_ = field_of(field_L);
-  filter_.update(heading_by(field_L));
+  if (!is_given) filter_.update(heading_by(field_L));
 }
 
 // --- Aids
@@ -190,7 +219,7 @@ void AttitudeReference::write(Sample& sample) const noexcept {
   const Filter::State variance = filter_.covariance().diagonal();
   const Vector3 attitude2 = variance.segment<3>(Filter::phi) + bias2 * Vector3(1, 1, dip2);
   solution.state = Solution::State::levelled;
-  solution.used = used_ | aid::gravity;
+  solution.used = static_cast<std::uint16_t>(used_ | (aid::gravity & ~aids_.withheld));
   solution.rejected = rejected_;
   if (sample.navigation.is_known) {  // the place is the truth's with the errors of a receiver
     const auto sigma = [&](const Vector3& noise, const Vector3& slow) -> Eigen::Vector3f {

@@ -7,6 +7,7 @@
 #include "core/earth/earth.hpp"
 #include "core/navigation/attitude_filter.hpp"
 #include "core/navigation/coarse_alignment.hpp"
+#include "core/navigation/navigation_requests.hpp"
 #include "core/navigation/navigator.hpp"
 #include "core/sample.hpp"
 
@@ -35,6 +36,10 @@ class AttitudeReference {
 
   // Makes the next sample the first of a run, or of a power on: the alignment begins.
   void restart() noexcept;
+  // Magnetic headings and gravity can be withheld. The field is the one of the samples (OwnSolution).
+  void set_aids(const NavigationAids& aids) noexcept;
+  // Takes the heading of the platform at the last sample. An alignment begins its window again, and ends with it.
+  void give(const GivenHeading& heading) noexcept;
   // Replaces the attitude of a sample, which is the true one, by the solution. Works at rest before the first truth
   // as well.
   void take(Sample& sample) noexcept;
@@ -52,6 +57,7 @@ class AttitudeReference {
   static Field field_of(const Vector3& field_L) noexcept;
   void find_north(const Sample& sample) noexcept;
   void align(const Sample& sample, double dt) noexcept;
+  void begin_window() noexcept;
   Quaternion levelled(const Sample& sample) const noexcept;
   // `sigma`: rad, of tilt and of the heading before the field is used.
   void begin_filter(const Quaternion& q_LP, const Vector2& sigma, const Vector3& field_L) noexcept;
@@ -72,10 +78,12 @@ class AttitudeReference {
   std::uint64_t aligned_at_ = 0;
   bool is_aligned_ = false;
   double held_s_ = 0;
-  Vector3 north_ = Vector3::UnitX();  // in L, the horizontal direction of the undisturbed field
-  bool knows_north_ = false;          // by a place
-  std::optional<Field> field_;        // undisturbed
-  double rejecting_s_ = 0;            // since the first of the rejections after the last heading that was used
+  NavigationAids aids_;
+  std::optional<GivenHeading> given_;  // of the platform at the begin of the window, for the alignment
+  Vector3 north_ = Vector3::UnitX();   // in L, the horizontal direction of the undisturbed field
+  bool knows_north_ = false;           // by a place
+  std::optional<Field> field_;         // undisturbed
+  double rejecting_s_ = 0;             // since the first of the rejections after the last heading that was used
   bool is_rejecting_ = false;
   Navigator::Counts headings_;
   std::uint16_t used_ = 0, rejected_ = 0;  // Solution's

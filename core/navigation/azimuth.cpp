@@ -9,6 +9,16 @@ bool has_azimuth(const Vector3& field_L) noexcept {
   return field_L.x() * field_L.x() + field_L.y() * field_L.y() >= least * least;
 }
 
+Vector3 horizontal_at(double azimuth) noexcept {
+  const elementary::SinCos of = elementary::sincos(azimuth);
+  return {of.cos, of.sin, 0.0};
+}
+
+double turn_to(const GivenHeading& given, const Quaternion& q_LP) noexcept {
+  const Vector3 from = q_LP * given.ahead_P, to = horizontal_at(given.azimuth);
+  return elementary::atan2(from.x() * to.y() - from.y() * to.x(), from.x() * to.x() + from.y() * to.y());
+}
+
 InertialFilter::Measurement azimuth_measurement(const Vector3& measured_L, const Vector3& estimated_L,
                                                 const Quaternion& q_LN, double sigma) noexcept {
   const Vector3 &to = measured_L, &from = estimated_L;

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "core/navigation/inertial_filter.hpp"
+#include "core/navigation/navigation_requests.hpp"
 #include "core/vector.hpp"
 
 namespace imud {
@@ -9,6 +10,13 @@ namespace imud {
 // Returns whether a magnetic field, T, has a horizontal part that shows north: near the poles of the field it has
 // none.
 bool has_azimuth(const Vector3& field_L) noexcept;
+
+// Returns the horizontal unit vector of a given azimuth, rad, clockwise from north.
+Vector3 horizontal_at(double azimuth) noexcept;
+
+// Returns the rotation about down, rad from -pi to pi, after which the given direction has the given azimuth. By the
+// attitude before, v_L = q_LP * v_P.
+double turn_to(const GivenHeading& given, const Quaternion& q_LP) noexcept;
 
 // Returns the measurement that a direction, which by the filter's attitude is `estimated_L`, has the azimuth of
 // `measured_L`, with a standard deviation of `sigma` rad, above 0. Both are north, east, down, of any length, and not

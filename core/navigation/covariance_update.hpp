@@ -45,4 +45,17 @@ void update_component(Eigen::Matrix<double, States, States>& P, int first, const
   change += k * (innovation - along_axis(change, first, axis));
 }
 
+// The covariance of a state whose vector that begins at state `first` has been rotated by R about `axis`, a unit
+// vector, and whose component along it has been set: it has this variance, and no correlation.
+template <int States>
+void turn_and_forget(Eigen::Matrix<double, States, States>& P, int first, const Matrix3& R, const Vector3& axis,
+                     double variance) noexcept {
+  const Matrix3 kept = R - axis * axis.transpose();
+  const Eigen::Matrix<double, 3, States> rows = kept.lazyProduct(P.template middleRows<3>(first));
+  const Matrix3 block = rows.template middleCols<3>(first).lazyProduct(kept.transpose());
+  P.template middleRows<3>(first) = rows;
+  P.template middleCols<3>(first) = rows.transpose();
+  P.template block<3, 3>(first, first) = 0.5 * (block + block.transpose()) + variance * (axis * axis.transpose());
+}
+
 }  // namespace imud

@@ -232,6 +232,15 @@ void InertialFilter::update_row(const Row& row, State& change, AidErrors& aid_ch
   }
 }
 
+void InertialFilter::turn(const Vector3& axis_N, double angle, double variance) noexcept {
+  propagate();
+  strapdown_.correct(angle * axis_N, Vector3::Zero(), Vector3::Zero());
+  const Matrix3 R = exp(angle * axis_N).toRotationMatrix();
+  turn_and_forget(P_, phi, R, axis_N, variance);
+  const Matrix3 kept = R - axis_N * axis_N.transpose();
+  C_.middleRows<3>(phi) = kept.lazyProduct(C_.middleRows<3>(phi)).eval();
+}
+
 void InertialFilter::add_variance(int first, double variance) noexcept {
   for (int i = first; i < first + 3; ++i) P_(i, i) += variance;
 }

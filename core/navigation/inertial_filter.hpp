@@ -90,6 +90,9 @@ class InertialFilter {
   double normalized_square(const Measurement& measurement) const noexcept;
   // Corrects the state, and the aids' errors, by the measurement.
   void update(const Measurement& measurement) noexcept;
+  // Turns the attitude about `axis_N`, a unit vector, by an angle, rad. The attitude about it has been set: its error
+  // has that variance, rad^2, above 0, and no correlation.
+  void turn(const Vector3& axis_N, double angle, double variance) noexcept;
   // Adds to the variance of one of the vectors, isotropically.
   void add_variance(int first, double variance) noexcept;
   // The same along one axis, a unit vector.

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "core/attitude.hpp"
+#include "core/navigation/azimuth.hpp"
 #include "core/units.hpp"
 
 namespace imud {
@@ -64,6 +65,19 @@ void Navigator::restart() noexcept {
   last_time_.reset();
   up_P_.reset();
   number_ = 0;
+  given_.reset();
+}
+
+void Navigator::give(const GivenHeading& heading) noexcept {
+  if (!is_aligned_) {
+    alignment_.begin();
+    has_begun_ = false;
+    given_ = heading;
+  } else if (!heading.only_in_alignment) {
+    const Quaternion q_LN = earth_.q_LN(position_of(at_), place(at_));
+    const Vector3 down_N = q_LN.conjugate() * Vector3::UnitZ();
+    filter_.turn(down_N, turn_to(heading, q_LN * filter_.motion().q_NP), square(GivenHeading::sigma));
+  }
 }
 
 double Navigator::step(const Sample& sample) noexcept {
@@ -104,7 +118,7 @@ void Navigator::take(Sample& sample, TruthTime time, std::optional<double> earth
       forget(aid::position | aid::velocity);
       use_fix(sample, at);
     }
-    if (fix_every_ > 0 && since % fix_every_ == 0 && model_.antennas_heading > 0) {
+    if (fix_every_ > 0 && since % fix_every_ == 0 && has_antennas()) {
       forget(aid::antennas_heading);
       use_antennas(sample, at);
     }
@@ -141,7 +155,8 @@ void Navigator::hold(bool is_held, TruthTime time, double dt) noexcept {
 void Navigator::align(const Sample& sample, const At& at, double dt) noexcept {
   if (number_++ > 0 && dt > 0) alignment_.add(sample.delta_angle, sample.delta_velocity, dt, sample.magnetic_field);
   const Navigation& fix = sample.fix();
-  if (!fix.is_known) {  // no velocity: the attitude is levelled on, and the window begins at the next fix
+  if (!has_fix(sample) ||
+      (aids_.waits && !given_)) {  // no velocity: the attitude is levelled on, and the window begins at the next fix
     has_begun_ = false;
     return;
   }
@@ -161,6 +176,8 @@ void Navigator::align(const Sample& sample, const At& at, double dt) noexcept {
 std::optional<Navigator::Aligned> Navigator::measure_attitude(const PositionVelocity& now,
                                                               const Sample& sample) noexcept {
   if (!std::exchange(has_begun_, true)) {
+    // The given heading is the one of a direction that does not turn.
+    if (given_) given_->ahead_P = alignment_.q_P0P().conjugate() * given_->ahead_P;
     alignment_.begin();
     first_v_N_.reset();
     window_.reset();
@@ -191,7 +208,11 @@ std::optional<Navigator::Aligned> Navigator::coarse_attitude(const PositionVeloc
     const double by_tilt = sigma.x() * second_L.z() / second_L.head<2>().norm();
     sigma.y() = std::sqrt(sigma.y() * sigma.y() + by_tilt * by_tilt);
   };
-  if (model_.antennas_heading > 0) {
+  if (given_) {
+    second_N = from_L * horizontal_at(given_->azimuth);
+    second_P0 = given_->ahead_P;
+    sigma.y() = GivenHeading::sigma;
+  } else if (has_antennas()) {
     second_N = from_L * baseline_L(sample);
     sigma.y() = model_.antennas_heading;
     add_tilt(baseline_L(sample));
@@ -238,6 +259,7 @@ void Navigator::begin_filter(const PositionVelocity& now, const Sample& sample, 
   if (position_error_ >= 0) filter_.begin_by(Inertial::position, axes.transpose(), position_error_);
   if (velocity_error_ >= 0) filter_.begin_by(Inertial::velocity, axes.transpose(), velocity_error_);
   is_aligned_ = true;
+  given_.reset();
   up_P_.reset();
   aligned_at_ = number_;
   since_fix_s_ = 0;

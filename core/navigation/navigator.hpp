@@ -8,6 +8,7 @@
 #include "core/earth/earth.hpp"
 #include "core/navigation/coarse_alignment.hpp"
 #include "core/navigation/inertial_filter.hpp"
+#include "core/navigation/navigation_requests.hpp"
 #include "core/navigation/rest_detector.hpp"
 #include "core/numbers/random.hpp"
 #include "core/sample.hpp"
@@ -36,6 +37,11 @@ class Navigator {
   void restart() noexcept;
   // Replaces the seed of the noise.
   void set_seed(std::uint64_t seed) noexcept { normals_.set_seed(seed); }
+  // Fixes (aid::position), antennas, magnetic headings and heights can be withheld. The magnetic field is the one of
+  // the samples (OwnSolution).
+  void set_aids(const NavigationAids& aids) noexcept { aids_ = aids; }
+  // Takes the heading of the platform at the last sample. An alignment begins its window again, and ends with it.
+  void give(const GivenHeading& heading) noexcept;
   // Replaces the solution of a sample. Its place is the receiver's fix, and its attitude the true one; both may have
   // been changed by faults. `time`: of the truth that it measured; `earth_angle`: PositionVelocity's.
   void take(Sample& sample, TruthTime time, std::optional<double> earth_angle) noexcept;
@@ -86,6 +92,9 @@ class Navigator {
   void use_height(const Sample& sample, const At& at) noexcept;
   void use_rest(const Sample& sample, const At& at, double dt) noexcept;
   bool is_slow(const Navigation& here, const Navigation& fix) const noexcept;
+  bool has(std::uint16_t aid) const noexcept { return (aids_.withheld & aid) == 0; }
+  bool has_fix(const Sample& sample) const noexcept { return sample.fix().is_known && has(aid::position); }
+  bool has_antennas() const noexcept { return model_.antennas_heading > 0 && has(aid::antennas_heading); }
   // An aid's bits are forgotten when it is due.
   void forget(unsigned aids) noexcept;
   bool use(std::uint16_t aid, const InertialFilter::Measurement& measurement) noexcept;
@@ -124,7 +133,9 @@ class Navigator {
   };
   std::vector<Motion> past_;
   Motion corrections_;
-  bool has_begun_ = false;  // the window of the alignment, while there are fixes
+  NavigationAids aids_;
+  std::optional<GivenHeading> given_;  // of the platform at the begin of the window, for the alignment
+  bool has_begun_ = false;             // the window of the alignment, while there are fixes
   bool is_aligned_ = false;
   std::uint64_t number_ = 0;  // of the next sample since restart()
   std::uint64_t aligned_at_ = 0;

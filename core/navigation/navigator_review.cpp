@@ -9,7 +9,7 @@ namespace imud {
 
 void Navigator::review(const Sample& sample, const At& at, double dt) noexcept {
   const Navigation& fix = sample.fix();
-  if (!fix.is_known) {
+  if (!has_fix(sample)) {
     has_begun_ = false;
     other_attitude_.reset();
     return;

@@ -26,19 +26,34 @@ class OwnSolution {
   void set_seed(std::uint64_t seed) noexcept {
     if (auto* navigator = std::get_if<Navigator>(&of_)) navigator->set_seed(seed);
   }
+  // Sets how the aids are used, until the next call.
+  void set_aids(const NavigationAids& aids) noexcept {
+    aids_ = aids;
+    has_field_ = (aids.withheld & aid::magnetic_heading) == 0;
+    compensates_ = aids.compensates();
+    std::visit([&](auto& of) { of.set_aids(aids); }, of_);
+  }
+  // Sets the heading of the platform at the last sample.
+  void give(const GivenHeading& heading) noexcept {
+    std::visit([&](auto& of) { of.give(heading); }, of_);
+  }
   // Replaces the solution of a sample (Navigator::take(), AttitudeReference::take()).
   void take(Sample& sample, TruthTime time, std::optional<double> earth_angle) noexcept {
+    const Vector3 measured = compensate(sample);
     if (auto* navigator = std::get_if<Navigator>(&of_))
       navigator->take(sample, time, earth_angle);
     else if (auto* reference = std::get_if<AttitudeReference>(&of_))
       reference->take(sample);
+    sample.magnetic_field = measured;
   }
   // The same for a vehicle at rest before the first truth of a run.
   void take_at_rest(Sample& sample) noexcept {
+    const Vector3 measured = compensate(sample);
     if (auto* navigator = std::get_if<Navigator>(&of_))
       navigator->take_at_rest(sample);
     else if (auto* reference = std::get_if<AttitudeReference>(&of_))
       reference->take(sample);
+    sample.magnetic_field = measured;
   }
 
   // Returns the navigator; nullptr if the unit computes its attitude alone.
@@ -54,8 +69,19 @@ class OwnSolution {
     if (model.kind == NavigatorModel::Kind::attitude) return AttitudeReference(model, imu);
     return Navigator(model, imu, normals);
   }
+  // Gives the sample the magnetic field that the filter uses; returns the measured one.
+  Vector3 compensate(Sample& sample) const noexcept {
+    const Vector3 measured = sample.magnetic_field;
+    if (!has_field_)
+      sample.magnetic_field.setZero();
+    else if (compensates_)
+      sample.magnetic_field = aids_.compensated(measured);
+    return measured;
+  }
 
   Either of_;
+  NavigationAids aids_;
+  bool has_field_ = true, compensates_ = false;
 };
 
 }  // namespace imud

@@ -209,6 +209,46 @@ TEST(AttitudeFilter, AllowsForManoeuvres) {
   EXPECT_NEAR(after(0.1, ahrs_g, 20), std::pow(AttitudeFilter::largest_turn, 2), 1e-9);
 }
 
+// Within a period, with a tilt and an acceleration: the heading turns, and the rest of the period is levelled as
+// before.
+TEST(AttitudeFilter, TurnsWithItsTilt) {
+  const Quaternion q_LP = exp(Vector3(0.2, -0.1, 0)) * exp(Vector3(0, 0, 1));
+  const auto level_of = [](const AttitudeFilter& filter) {
+    return Vector3(filter.q_LP().conjugate() * Vector3::UnitZ());
+  };
+  AttitudeFilter turned({}, quiet_tuning()), straight({}, quiet_tuning());
+  for (AttitudeFilter* filter : {&turned, &straight}) {
+    AttitudeFilter::Covariance P = first_covariance(0.05, 0.1, 1e-3);
+    P(0, 0) *= 4;
+    filter->begin(exp(Vector3(0.03, 0, 0)) * q_LP, P);
+    for (int k = 0; k < 50; ++k) {
+      if (k == 25 && filter == &turned) filter->turn(2, 0.01);
+      filter->advance({1e-3, 2e-3, 0}, 0.008 * (q_LP.conjugate() * Vector3(0.3, 0.2, -ahrs_g)), 0.008);
+    }
+  }
+  EXPECT_LT((level_of(turned) - level_of(straight)).norm(), 1e-9);
+  EXPECT_NEAR(turned.q_LP().angularDistance(straight.q_LP()), 2, 0.01);
+  EXPECT_NEAR(turned.covariance()(2, 2), 0.01, 1e-4);
+  EXPECT_LT(std::abs(turned.covariance()(2, 0)), 1e-5);
+  const auto tilt_variance = [](const AttitudeFilter& filter) {
+    return filter.covariance().diagonal().head(2).sum();
+  };
+  EXPECT_NEAR(tilt_variance(turned), tilt_variance(straight), 1e-6);
+}
+
+// Without levelling, an acceleration does not tilt the attitude.
+TEST(AttitudeFilter, LevelsUnlessItMustNot) {
+  for (const bool levels : {true, false}) {
+    AttitudeFilter filter({}, quiet_tuning());
+    filter.begin(Quaternion::Identity(), first_covariance(0.01, 0.1, 1e-4));
+    filter.set_levelling(levels);
+    for (int k = 0; k < 500; ++k) filter.advance(Vector3::Zero(), ahrs_dt * Vector3(0.5, 0, -ahrs_g), ahrs_dt);
+    const double tilt = filter.q_LP().angularDistance(Quaternion::Identity());
+    EXPECT_EQ(tilt > 0.02, levels) << tilt;
+    EXPECT_EQ(tilt < 1e-9, !levels) << tilt;
+  }
+}
+
 // Rounding leaves the covariance symmetric to the last bit, and positive definite; two runs have the same bits, and
 // nothing is allocated.
 TEST(AttitudeFilter, StaysDefiniteAndTheSame) {

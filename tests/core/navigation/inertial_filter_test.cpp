@@ -75,6 +75,11 @@ class Flight {
     return error.dot(filter_.covariance().llt().solve(error));
   }
   Filter& filter() { return filter_; }
+  // Sets the rotation about down, with an error of `sigma`.
+  void set_heading(double sigma) {
+    const Vector3 error = log(truth_.state().q_NP * filter_.motion().q_NP.conjugate());
+    filter_.turn(Vector3::UnitZ(), error.z() + draw(random_, sigma).x(), sigma * sigma);
+  }
   void set_aids(bool has_aids) { has_aids_ = has_aids; }
 
  private:
@@ -121,6 +126,44 @@ TEST(InertialFilter, IsConsistentWithoutAids) {
 TEST(InertialFilter, NoisierSensorsShow) {
   EXPECT_GT(mean_nees({4 * mems.gyro, 4 * mems.accelerometer, 4 * mems.gyro_walk, 4 * mems.accelerometer_walk}, true),
             20);
+}
+
+// A heading that is set in flight: the other states keep what they know.
+TEST(InertialFilter, IsConsistentAfterASetHeading) {
+  double sum = 0;
+  constexpr unsigned flights = 200;
+  for (unsigned seed = 1; seed <= flights; ++seed) {
+    Flight flight(seed, mems, true);
+    for (int k = 1; k <= 1000; ++k) flight.step();
+    flight.set_heading(0.05);
+    sum += flight.nees();
+    for (int k = 1; k <= 100; ++k) flight.step();
+    sum += flight.nees();
+  }
+  EXPECT_NEAR(sum / (2 * flights), 15, 1.9);
+}
+
+// A quarter of a turn about down: the uncertainty of the tilt stays with the platform, and nothing is correlated with
+// the heading.
+TEST(InertialFilter, ATurnTakesTheTiltAlong) {
+  Flight flight(1, mems, true);
+  for (int k = 1; k <= 1000; ++k) flight.step();
+  Filter& filter = flight.filter();
+  filter.propagate();
+  const Filter::Covariance before = filter.covariance();
+  const Quaternion q_NP = filter.motion().q_NP;
+  filter.turn(Vector3::UnitZ(), units::pi / 2, 0.01);
+  const Filter::Covariance& P = filter.covariance();
+  EXPECT_LT(filter.motion().q_NP.angularDistance(exp(Vector3(0, 0, units::pi / 2)) * q_NP), 1e-12);
+  EXPECT_NEAR(P(0, 0), before(1, 1), 1e-9 * before(1, 1));
+  EXPECT_NEAR(P(1, 1), before(0, 0), 1e-9 * before(0, 0));
+  EXPECT_NEAR(P(0, 3), -before(1, 3), 1e-9 * std::abs(before(1, 3)));
+  EXPECT_NEAR(P(1, 3), before(0, 3), 1e-9 * std::abs(before(0, 3)));
+  EXPECT_NEAR(P(2, 2), 0.01, 1e-12);
+  EXPECT_LT(P.row(2).head(2).norm() + P.row(2).tail(12).norm(), 1e-15);
+  EXPECT_TRUE((P.array() == P.transpose().array()).all());
+  EXPECT_EQ(P.llt().info(), Eigen::Success);
+  EXPECT_EQ((P.block<12, 12>(3, 3)), (before.block<12, 12>(3, 3)));
 }
 
 // Rounding leaves the covariance symmetric to the last bit, and positive definite.
