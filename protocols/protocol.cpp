@@ -13,6 +13,7 @@ void Device::connect_second_uart() noexcept {}
 UartSettings Device::second_uart() const noexcept { return {}; }
 std::span<const std::uint64_t> Device::counts() const noexcept { return {}; }
 std::optional<SensorFilters> Device::filters() const noexcept { return std::nullopt; }
+NavigationRequests Device::navigation_requests() const noexcept { return {}; }
 void Device::trigger(DeviceTime) noexcept {}
 void Device::pps(DeviceTime) noexcept {}
 std::optional<Device::Pulse> Device::pulse() const noexcept { return std::nullopt; }

@@ -11,6 +11,7 @@
 
 #include "core/frame.hpp"
 #include "core/imu.hpp"
+#include "core/navigation/navigation_requests.hpp"
 #include "core/sample.hpp"
 #include "core/uart.hpp"
 #include "protocols/frame_seal.hpp"
@@ -76,6 +77,9 @@ class Device {
   // product without filters; it is always nullopt, or never.
   static constexpr int longest_boxcar = 256;
   virtual std::optional<SensorFilters> filters() const noexcept;
+  // Returns what the host has asked of the unit's own navigation filter, if the unit has one. It follows power_on()
+  // and receive(); power_on() is no restart of its own. Default: nothing.
+  virtual NavigationRequests navigation_requests() const noexcept;
 
   // --- The second UART of a product that has two (Protocol::has_second_uart) ---
   // Connects the second UART: from now on the device also makes the frames that leave there, with Frame::uart 1.

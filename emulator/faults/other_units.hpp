@@ -19,8 +19,8 @@ struct ImuConfig;
 Settings settings_as_delivered(const ImuConfig& imu);
 
 // All units share the power, samples, edges, clock and host of the own unit. So each is always in the state of a unit
-// that was there from the start. Only one unit's frames leave. The own unit gives line, filters, pulses and figures.
-// One thread.
+// that was there from the start. Only one unit's frames leave. The own unit gives line, filters, requests, pulses and
+// figures. One thread.
 class OtherUnits final : public Device {
  public:
   // `own` and the units of `faults` that act on the imu. All units except the own one are passed to `prepare`
@@ -47,6 +47,7 @@ class OtherUnits final : public Device {
   UartSettings second_uart() const noexcept override { return own_->second_uart(); }
   std::span<const std::uint64_t> counts() const noexcept override { return own_->counts(); }
   std::optional<SensorFilters> filters() const noexcept override { return own_->filters(); }
+  NavigationRequests navigation_requests() const noexcept override { return own_->navigation_requests(); }
   void trigger(DeviceTime time) noexcept override;
   void pps(DeviceTime time) noexcept override;
   std::optional<Pulse> pulse() const noexcept override { return own_->pulse(); }

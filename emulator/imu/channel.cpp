@@ -30,7 +30,7 @@ void Channel::enable_faults(const ImuConfig& config, std::uint64_t seed) {
 void Channel::power_on(HostTime origin) noexcept {
   sensor.clock().power_on(origin);
   unit.device().power_on(sensor.clock().now());
-  apply_filters();
+  follow_device();
 }
 
 void Channel::set_clock(DeviceTime zero, std::optional<HostTime> origin) noexcept {
@@ -46,7 +46,7 @@ void Channel::begin_run(std::optional<TruthTime> begin) noexcept {
 void Channel::start_device(DeviceTime now) noexcept {
   unit.start(now);
   lines.set_uarts(unit.device());
-  apply_filters();
+  follow_device();
 }
 
 void Channel::cycle_power(HostTime now) noexcept {
@@ -135,7 +135,7 @@ void Channel::poll_due(DeviceTime now, bool too_late) noexcept {
   if (faults) release_until(now, too_late);
   for (auto deadline = unit.deadline(); deadline && *deadline <= now; deadline = unit.deadline()) {
     unit.poll(*deadline);
-    apply_filters();
+    follow_device();
     if (!too_late) send(unit.others(), *deadline);
     publish();
   }
@@ -157,7 +157,7 @@ void Channel::receive(Frame frame, std::size_t uart, HostTime now) noexcept {
   frame.uart = static_cast<std::uint8_t>(uart);
   unit.receive(frame, time);
   if (!unit.is_on()) return;
-  apply_filters();
+  follow_device();
   send(unit.others(), time, true);
   lines.set_uarts(unit.device());
   if (!unit.others().empty()) ++reply_count;

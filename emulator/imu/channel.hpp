@@ -135,7 +135,8 @@ class Channel {
   void poll_due(DeviceTime now, bool too_late) noexcept;
   void release_until(DeviceTime now, bool too_late) noexcept;
   void send(std::span<const Frame> frames, DeviceTime time, bool is_reply = false) noexcept;
-  void apply_filters() noexcept { sensor.set_filters(unit.device().filters()); }
+  // Lets the sensor follow the device, whose settings may have changed.
+  void follow_device() noexcept { sensor.follow(unit.device().filters(), unit.device().navigation_requests()); }
   FeedSample feed_sample() const noexcept;
 
   Outgoing outgoing_;

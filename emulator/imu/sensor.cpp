@@ -48,7 +48,11 @@ void Sensor::begin_run(TruthTime begin) noexcept {
 
 void Sensor::pass_over() noexcept {
   if (!is_resting_) imu_.begin_run();  // otherwise the first sample of the truth begins the run
-  if (solution_) solution_->restart();
+  if (solution_) {
+    solution_->restart();
+    // A heading that the host has given before the first run is the one at its begin.
+    if (!has_sampled_ && requests_.heading) solution_->give(*requests_.heading);
+  }
   has_sampled_ = false;
   has_leapt_ = true;
   if (faults_ != nullptr) faults_->pass_over();
@@ -124,7 +128,13 @@ void Sensor::set_seed(std::uint64_t seed) noexcept {
   if (solution_) solution_->set_seed(seed);
 }
 
-void Sensor::set_filters(const std::optional<SensorFilters>& filters) noexcept {
+void Sensor::follow(const std::optional<SensorFilters>& filters, const NavigationRequests& requests) noexcept {
+  if (solution_) {
+    if (requests.restarts != requests_.restarts) solution_->restart();
+    solution_->set_aids(requests.aids);
+    if (requests.heading && requests.headings != requests_.headings) solution_->give(*requests.heading);
+  }
+  requests_ = requests;
   if (!device_filters_ || !filters || *filters == filters_) return;
   filters_ = *filters;
   imu_.set_filters(filters_);
@@ -137,7 +147,10 @@ void Sensor::exchange(Reload::Sensor& next) noexcept {
   next.imu.continue_from(imu_);
   std::swap(imu_, next.imu);
   std::swap(solution_, next.solution);
-  if (solution_) solution_->set_seed(normals_.seed());  // a command may have replaced it
+  if (solution_) {
+    solution_->set_aids(requests_.aids);
+    solution_->set_seed(normals_.seed());  // a command may have replaced it
+  }
   std::swap(judge_, next.judge);
   if (next.grid) {
     grid_ = *next.grid;

@@ -55,8 +55,9 @@ class Sensor {
   void set_seed(std::uint64_t seed) noexcept;
   // The next sample has the turn-on errors of another start.
   void restart() noexcept;
-  // Filters as the device's settings have them. Without effect unless the product has such settings.
-  void set_filters(const std::optional<SensorFilters>& filters) noexcept;
+  // Follows the device (Device::filters(), navigation_requests()): filters as its settings have them, without effect
+  // unless the product has such settings; and its host's requests to the unit's own filter, if it has one.
+  void follow(const std::optional<SensorFilters>& filters, const NavigationRequests& requests) noexcept;
   // Exchanges the model for a reload's, which goes on where the old one was (Imu::continue_from()).
   void exchange(Reload::Sensor& next) noexcept;
 
@@ -77,6 +78,7 @@ class Sensor {
   Acquisition acquisition_;
   std::optional<OwnSolution> solution_;
   std::optional<SolutionJudge> judge_;  // of what faults do to it; if there are faults
+  NavigationRequests requests_;         // that have acted
   const Nanoseconds sampling_delay_;
   const bool device_filters_;  // the device's settings have the filters
   SensorFilters filters_;      // if device_filters_
