@@ -1,9 +1,9 @@
 // VectorNav VN-100, VN-200 and VN-300: commands and streams. Layouts: vectornav.hpp. The estimates of the product's
-// filter are the truth, or the solution of the unit's own filter, where the sample has one; the filter's settings can
-// be written and read, but change nothing. The windows of register 85
-// filter where its modes name compensated measurements (2, 3), and uncompensated ones with them. Its windows of
-// temperature and pressure change nothing. As in the product, compensations (registers 23, 25, 84) take effect
-// immediately, and the reference frame (26) at the next reset.
+// filter are the truth, or the solution of the unit's own filter, where the sample has one. The host acts on that
+// filter by filter_requests.hpp; its other settings can be written and read, but change nothing. The windows of
+// register 85 filter where its modes name compensated measurements (2, 3), and uncompensated ones with them. Its
+// windows of temperature and pressure change nothing. As in the product, compensations (registers 23, 25, 84) take
+// effect immediately, and the reference frame (26) at the next reset.
 //
 // An answer leaves at the UART at which its command came. VNASY concerns that UART, and so do registers 5 to 7,
 // unless the host names the other one (VN-200 user manual UM004, page 31; UM001, page 56).
@@ -13,6 +13,7 @@
 
 #include "core/units.hpp"
 #include "protocols/protocol.hpp"
+#include "protocols/vectornav/filter_requests.hpp"
 #include "protocols/vectornav/ins_mode.hpp"
 #include "protocols/vectornav/vectornav.hpp"
 #include "protocols/wire/command_reader.hpp"
@@ -75,6 +76,7 @@ class VectorNavDevice final : public Device {
   void power_on(DeviceTime now) noexcept override {
     for (Reader& reader : readers_) reader.clear();
     reset(now);
+    filter_.power_on();
   }
 
   void step_clock(Nanoseconds by) noexcept override {
@@ -107,6 +109,10 @@ class VectorNavDevice final : public Device {
     return SensorFilters{.gyro = boxcar(2), .accelerometer = boxcar(1), .magnetometer = boxcar(0)};
   }
 
+  NavigationRequests navigation_requests() const noexcept override {
+    return filter_.requests(active_.calibrations[0], dcm_);
+  }
+
   void trigger(DeviceTime time) noexcept override { pins_.edge(active_.sync, pulse_source(), time); }
   void pps(DeviceTime time) noexcept override { pins_.pps_edge(active_.sync, pulse_source(), time); }
   std::optional<Pulse> pulse() const noexcept override { return pins_.pulse(); }
@@ -121,7 +127,7 @@ class VectorNavDevice final : public Device {
     std::string_view name;
     std::size_t fewest, most;  // parameters
   };
-  static constexpr Command commands[] = {// commands from VNSGB on change nothing
+  static constexpr Command commands[] = {// VNSGB, VNSFB and VNCMD change nothing
                                          {"VNRRG", 1, 2},   {"VNWRG", 1, any}, {"VNASY", 1, 1},   {"VNBOM", 1, 1},
                                          {"VNWNV", 0, 0},   {"VNTAR", 0, 0},   {"VNRFS", 0, 0},   {"VNRST", 0, 0},
                                          {"VNSGB", 0, any}, {"VNSFB", 0, any}, {"VNSIH", 0, any}, {"VNKMD", 0, any},
@@ -292,9 +298,14 @@ class VectorNavDevice final : public Device {
       tare_ = sample_.q_LP.conjugate();  // the present attitude becomes level and north
     } else if (name == "VNRFS") {
       stored_ = factory_;
+    } else if (!filter_.execute(name, rest, q_)) {
+      return bad_parameter;
     }
     answer(dialogue).put(body).send();
-    if (name == "VNRFS" || name == "VNRST") reset(dialogue.now);
+    if (name == "VNRFS" || name == "VNRST") {
+      reset(dialogue.now);
+      filter_.reset();
+    }
     return none;
   }
 
@@ -381,6 +392,7 @@ class VectorNavDevice final : public Device {
   Sensed raw_;
   Sample sample_;  // the newest, compensated
   InsPlace place_;
+  FilterRequests filter_;
   std::array<Sums, of_text + uarts> sums_;  // since the binary outputs, text and register 80 were last sent
   std::array<Reader, uarts> readers_;
 };
