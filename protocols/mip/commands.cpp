@@ -53,6 +53,7 @@ void Memory::execute(std::span<const std::byte> packet, DeviceTime now, Fields& 
     std::array<bool, streams_of_a_device> streamed = {};
     for (std::size_t i = 0; i < streamed.size(); ++i) streamed[i] = is_streaming(active_.streams[i]);
     answer->set_byte(at, execute(set, command, data, {now, *answer, fields}));
+    fields.requests().aids = active_.aids(model_);
     for (std::size_t i = 0; i < streamed.size(); ++i)
       if (!streamed[i] && is_streaming(active_.streams[i])) fields.begin(active_.streams[i].set, now);
   });
@@ -76,8 +77,7 @@ Memory::Code Memory::execute(std::uint8_t set, std::uint8_t command, Data data, 
   for (const Acknowledged& one : acknowledged_commands())
     if (one.set == set && one.command == command && model_.is(one.models)) {
       if (data.size() != one.size) return bad_parameter;
-      if (set == filter_command && command == 0x01) context.fields.reset_filter();
-      return ok;
+      return set == filter_command && command <= 0x03 ? act_on_filter(command, data, context.fields) : ok;
     }
   if (!has(set, command)) return unknown_command;
   if (is_poll(set, command)) return parse_poll(command, data).code;
@@ -130,6 +130,7 @@ Memory::Code Memory::execute_base(std::uint8_t command, Reader& reader, const Co
       return update_gps_time(reader, context);
     default:
       restart(context.fields, context.now);
+      context.fields.requests().restart();
       return ok;
   }
 }
@@ -184,6 +185,8 @@ Memory::Code Memory::execute_3dm(std::uint8_t command, Reader& reader, const Con
 
 void Memory::restart(Fields& fields, DeviceTime now) noexcept {
   active_ = stored_;
+  fields.requests().aids = active_.aids(model_);
+  fields.requests().heading.reset();
   gps_update_ = {};
   pulses_ = {};
   bytes_read_ = bytes_written_ = 0;

@@ -3,8 +3,9 @@
 //
 // Where the document is silent, the device does as a user would expect: it streams out of the box (mip.cpp);
 // reference time is the sensor's own clock; filter and receivers report the truth.
-// Biases, mounting, pins, and events that an edge triggers are applied. Other settings of the filter and of events
-// can be written and read, but change nothing.
+// Biases, hard and soft iron, mounting, pins, events that an edge triggers, and the settings of the unit's own filter
+// in filter_requests.cpp are applied. Other settings of the filter and of events can be written and read, but change
+// nothing.
 #include <algorithm>
 #include <stdexcept>
 
@@ -80,6 +81,8 @@ class MipDevice final : public Device {
     };
     return SensorFilters{filter(of_gyros), filter(of_accelerometers), filter(of_magnetometers)};
   }
+
+  NavigationRequests navigation_requests() const noexcept override { return fields_.requests(); }
 
   void trigger(DeviceTime time) noexcept override { pins_.trigger(time); }
   void pps(DeviceTime time) noexcept override { pins_.pps(time); }

@@ -48,7 +48,7 @@ void Fields::set_sample(const Sample& sample) noexcept {
     last_fix_.reset();
   sample_.rate = q_VP * (sample.rate - c.gyro_bias);
   sample_.specific_force = q_VP * (sample.specific_force - c.accelerometer_bias);
-  sample_.magnetic_field = q_VP * sample.magnetic_field;
+  sample_.magnetic_field = q_VP * requests_.aids.compensated(sample.magnetic_field);
   sample_.q_LP = sample.q_LP * c.q_PV;
   sample_.delta_angle = q_VP * (sample.delta_angle - c.gyro_bias / internal_hz);
   sample_.delta_velocity = q_VP * (sample.delta_velocity - c.accelerometer_bias / internal_hz);
@@ -67,6 +67,11 @@ void Fields::restart(DeviceTime now) noexcept {
   sample_.time = now;
   sample_.counter = restarted_tick_;
   begin(0, now);
+}
+
+void Fields::reset_filter() noexcept {
+  filter_began_.reset();
+  requests_.restart();
 }
 
 void Fields::begin(std::uint8_t set, DeviceTime now) noexcept {

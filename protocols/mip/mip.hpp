@@ -1,8 +1,8 @@
 // MicroStrain MIP: the declarations shared by the device (device.cpp), its models (model.hpp), its packets (mip.cpp),
 // its data fields (field_table.hpp, fields.cpp, navigation_fields.cpp), its commands (commands.cpp), its streams
-// (streams.cpp), its settings (settings.cpp), its low-pass filters (low_pass.hpp, low_pass.cpp), its pins (pins.hpp,
-// pins.cpp) and the decoder (decoder.cpp).
-// Source: MicroStrain's mip_sdk (github.com/LORD-MicroStrain/mip_sdk e5a847d, src/c/mip/definitions).
+// (streams.cpp), its settings (settings.cpp), its filter (filter_requests.cpp), its low-pass filters (low_pass.hpp,
+// low_pass.cpp), its pins (pins.hpp, pins.cpp) and the decoder (decoder.cpp). Source: MicroStrain's mip_sdk
+// (github.com/LORD-MicroStrain/mip_sdk e5a847d, src/c/mip/definitions).
 //
 // A packet is big-endian: 0x75 0x65, descriptor set, length of the fields, fields, two bytes of checksum (Fletcher,
 // modulo 256). A field is its own length, a descriptor, and data. The answer to a command is a packet of the same
@@ -143,8 +143,9 @@ class Fields {
   // Restarts the increments and time differences of that set's stream (0: of every stream) at the newest sample, or,
   // if samples have ceased, one sample period before `now`.
   void begin(std::uint8_t set, DeviceTime now) noexcept;
-  // The filter of a GQ7 initializes again.
-  void reset_filter() noexcept { filter_began_.reset(); }
+  void reset_filter() noexcept;  // it initializes again
+  NavigationRequests& requests() noexcept { return requests_; }
+  const NavigationRequests& requests() const noexcept { return requests_; }
   void step_clock(Nanoseconds by) noexcept;
   // Returns the time since power-on or reset; before both, the time of the sensor's own clock.
   Nanoseconds since_start(DeviceTime at) const noexcept { return at - restarted_.value_or(DeviceTime{}); }
@@ -211,7 +212,8 @@ class Fields {
   OwnFigures figures_;
   Sample sample_;  // in V
   bool has_sampled_ = false;
-  std::optional<Navigation> last_fix_;            // since power-on or reset, of a unit with a filter of its own
+  std::optional<Navigation> last_fix_;  // since power-on or reset, of a unit with a filter of its own
+  NavigationRequests requests_;
   std::array<Since, streams_of_a_device> since_;  // since each stream was last sent
   std::optional<DeviceTime> filter_began_;        // the first sample at which the filter could begin
   std::optional<DeviceTime> restarted_;           // nullopt: reference time is the sensor's own clock
@@ -220,9 +222,8 @@ class Fields {
 
 // --- Settings ---
 
-// A setting that can be written and read. It changes nothing if it belongs to the filter, which reports the
-// truth, or to an event that no edge triggers. The data of its command are a function, a key (one of
-// several slots) and a value.
+// A setting that can be written and read; some act (filter_requests.cpp, pins.cpp, navigation_fields.cpp). The data
+// of its command are a function, a key (one of several slots) and a value.
 struct KeptSetting {
   enum Kind : std::uint8_t { any, flag, numbers, source, pin };  // numbers: finite; source, pin: see pins.hpp
 
@@ -263,6 +264,8 @@ struct Configuration {
   // Returns the cut-off of a quantity's low-pass filter, Hz: in automatic mode half of the rate at which the quantity
   // is sent. 0: it is not filtered, nor is one whose automatic filter has no rate to follow.
   double cut_off_hz(const LowPass& low_pass) const noexcept;
+  // Returns how the unit's own filter uses its aids, and the compensation of the magnetic field.
+  NavigationAids aids(const Model& model) const noexcept;
   // Returns nullptr if the model has no such setting, or none of that key.
   const Kept* find_kept(const Model& model, std::uint8_t set, std::uint8_t command, unsigned key = 0) const noexcept;
 };
@@ -331,6 +334,7 @@ class Memory {
   Code execute_base(std::uint8_t command, Reader& reader, const Context& context) noexcept;
   Code execute_3dm(std::uint8_t command, Reader& reader, const Context& context) noexcept;
   Code execute_kept(const KeptSetting& setting, Data data, Packet& answer) noexcept;
+  Code act_on_filter(std::uint8_t command, Data data, Fields& fields) noexcept;  // set 0x0D, up to 0x03
   Code baud(std::uint8_t function, Reader& reader, Packet& answer, std::uint8_t descriptor, bool with_port) noexcept;
   Code update_gps_time(Reader& reader, const Context& context) noexcept;
   Code device_settings(Reader& reader, const Context& context) noexcept;

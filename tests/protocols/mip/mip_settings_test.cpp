@@ -219,6 +219,27 @@ TEST(MipSettings, BiasesAreSubtracted) {
   }
 }
 
+// The offset is subtracted first, and the matrix is by rows.
+TEST(MipSettings, HardAndSoftIron) {
+  Unit unit = unit_of("3dm-gx5-25");
+  unit.sample.magnetic_field = 1e-4 * Vector3(1, 2, 3);
+  const auto floats = [](std::initializer_list<float> values) {
+    Bytes data = {1};
+    for (const float value : values) {
+      std::uint32_t bits = 0;
+      std::memcpy(&bits, &value, sizeof bits);
+      for (int shift = 24; shift >= 0; shift -= 8) data.push_back(static_cast<std::uint8_t>(bits >> shift));
+    }
+    return data;
+  };
+  EXPECT_EQ(unit.code(command(0x0C, 0x3A, floats({0.5F, 0, 0}))), 0);
+  EXPECT_TRUE(vector_of(field(next_of(unit, {0x06}), 0x06)).isApprox(Vector3(0.5, 2, 3), 1e-6));
+  EXPECT_EQ(unit.code(command(0x0C, 0x3B, floats({0, 2, 0, 1, 0, 0, 0, 0, 1}))), 0);
+  EXPECT_TRUE(vector_of(field(next_of(unit, {0x06}), 0x06)).isApprox(Vector3(4, 0.5, 3), 1e-6));
+  EXPECT_EQ(unit.code(command(0x0C, 0x3A, {5})), 0) << "default";
+  EXPECT_TRUE(vector_of(field(next_of(unit, {0x06}), 0x06)).isApprox(Vector3(4, 1, 3), 1e-6));
+}
+
 // Four forms of one mounting: the vehicle's x is the sensor's y, v_V = (v_y, -v_x, v_z).
 TEST(MipSettings, SensorToVehicle) {
   const auto check = [](Unit& unit) {
