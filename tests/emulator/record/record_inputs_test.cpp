@@ -125,6 +125,31 @@ TEST_F(RecordInputs, AHostInLockstepIsRepeated) {
   EXPECT_TRUE(repeat(config) == sent);
 }
 
+// What a host asks of the unit's own filter is one with its bytes: the repetition aligns again at the same sample.
+TEST_F(RecordInputs, OrdersToAFilterAreRepeated) {
+  const Config config = load_config(write(
+      "config.toml", fmt::format("clock = \"lockstep\"\n[truth]\n{}\n[earth]\nframe = \"local\"\nlatitude_deg = 48\n"
+                                 "longitude_deg = 11\n[[imu]]\nprotocol = \"vectornav\"\nport = \"pty:a\"\n"
+                                 "device.async_type = 1\nmodel = \"white\"\nnavigation.solution = \"attitude\"\n"
+                                 "navigation.alignment_s = 0.2\n",
+                                 udp)));
+  const auto run_with = [&](const char* order) {
+    SimulatedRun run(config);
+    fly(run);
+    inputs_[0] = {{run.at(1.2), std::string("$VNKMD,1*XX\r\n")}, {run.at(1.5), std::string(order)}};
+    return record(run, 1, 2.5);
+  };
+  const std::vector<std::string> ping = run_with("$VNRRG,1*XX\r\n");
+  EXPECT_TRUE(repeat(config) == ping);
+  for (const char* order : {"$VNRST*XX\r\n", "$VNSIH,100*XX\r\n"}) {
+    const std::vector<std::string> sent = run_with(order);
+    EXPECT_GT(sent[0].size(), 1000U);
+    const auto tail = [](const std::string& text) { return text.substr(text.size() - 500); };
+    EXPECT_NE(tail(sent[0]), tail(ping[0])) << order;
+    EXPECT_TRUE(repeat(config) == sent) << order;
+  }
+}
+
 // A line is cut by the connection's end; the next one goes on, and a third begins a run.
 TEST_F(RecordInputs, TruthOfAStreamIsRepeated) {
   const Config config =
