@@ -54,9 +54,13 @@ def sbg_imu_status(sample, _):
     return 0xFF | (sample["status"] & 0x38 == 0) << 8 | (sample["status"] & 0x07 == 0) << 9
 
 
+ALIGNING, COASTING, AIDED, LEVELLED = 1, 2, 3, 4  # navigation_state; 0 is the truth
+
+
 def xsens_status(sample, _):
     clipped = (sample["status"] >> 3 & 7) << 8 | (sample["status"] & 7) << 11
-    return 7 | clipped | bool(clipped) << 19
+    state = sample["navigation_state"]
+    return 1 | (state != ALIGNING) << 1 | int(sample["gnss_fix"]) << 2 | clipped | bool(clipped) << 19 | {COASTING: 1, AIDED: 3}.get(state, 0) << 23
 
 
 def xsens_delta_v(axis):

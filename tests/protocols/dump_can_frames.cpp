@@ -74,6 +74,28 @@ Sample random_flight(std::uint64_t k, std::mt19937_64& random) {
   return sample;
 }
 
+// Gives a sample the solution of a unit's own filter: aligning, coasting, aided or levelled, by `k`.
+void solve(Sample& sample, std::uint64_t k, std::mt19937_64& random) {
+  const auto some = [&](double most) {
+    std::uniform_real_distribution<float> uniform(0, static_cast<float>(most));
+    return Eigen::Vector3f(uniform(random), uniform(random), uniform(random));
+  };
+  Solution& solution = sample.solution.emplace();
+  solution.state = static_cast<Solution::State>(k % 4);
+  solution.since_fix_s = some(6).x();
+  solution.attitude = some(0.02);
+  solution.velocity = some(2);
+  solution.position = some(12);
+  constexpr unsigned all_aids[] = {aid::position | aid::velocity, aid::magnetic_heading, aid::antennas_heading,
+                                   aid::pressure};
+  for (const unsigned aids : all_aids)
+    if (random() % 2 == 0) solution.used = static_cast<std::uint16_t>(solution.used | aids);
+  if (random() % 2 == 0) sample.magnetic_field.setZero();
+  if (k % 8 < 5) solution.receiver = sample.navigation;
+  const bool has_place = solution.state == Solution::State::coasting || solution.state == Solution::State::aided;
+  if (!has_place) sample.navigation = {};
+}
+
 void go_beyond_all_ranges(Sample& sample) {
   for (Vector3* const vector :
        {&sample.rate, &sample.specific_force, &sample.delta_velocity, &sample.magnetic_field, &sample.navigation.v_L})
@@ -86,9 +108,10 @@ void dump_tables(const char* name, const char* settings_text, const char* dbc) {
   const Protocol& protocol = protocol_named(name);
   Line line(protocol, settings_of(protocol, settings_text));
   std::mt19937_64 random(4);
-  for (std::uint64_t k = 0; k < 110; ++k) {
+  for (std::uint64_t k = 0; k < 150; ++k) {
     Sample sample = random_flight(k, random);
-    if (k >= 100) go_beyond_all_ranges(sample);
+    if (k >= 100 && k < 110) go_beyond_all_ranges(sample);
+    if (k >= 110) solve(sample, k, random);
     const Reading reading{sample, sample.delta_angle, sample.delta_velocity, exp(sample.delta_angle),
                           k == 0 ? 0 : 0.01};
     std::string values;
@@ -114,11 +137,11 @@ void dump_tables(const char* name, const char* settings_text, const char* dbc) {
 int main() {
   imud::dump(false, "native_can.dbc");
   imud::dump(true, "native_can_fd.dbc");
-  imud::dump_tables(
-      "sbg-can",
-      "output_rate_hz=100 messages=utc_0,utc_1,imu_info,imu_accel,imu_gyro,imu_delta_vel,imu_delta_angle,"
-      "ekf_info,ekf_quat,ekf_euler,ekf_pos,ekf_altitude,ekf_vel_ned,ekf_vel_body,mag_0,mag_1",
-      "sbg_can.dbc");
+  imud::dump_tables("sbg-can",
+                    "output_rate_hz=100 "
+                    "messages=utc_0,utc_1,imu_info,imu_accel,imu_gyro,imu_delta_vel,imu_delta_angle,"
+                    "ekf_info,ekf_quat,ekf_euler,ekf_pos,ekf_altitude,ekf_vel_ned,ekf_vel_body,mag_0,mag_1",
+                    "sbg_can.dbc");
   imud::dump_tables("bosch-mm7", "", "bosch_mm7.dbc");
   imud::dump_tables("bosch-mm5", "", "bosch_mm5.dbc");
   imud::dump_tables(
