@@ -6,8 +6,9 @@
 // sends nothing: the setting `messages` is its configuration, and begins with this set.
 //
 // Attitude, position and velocity are the truth's, or the solution of the unit's own filter; while that has no place,
-// position and velocity are the receiver's. The undulation is 0, so that the altitude is the height above the
-// ellipsoid. A magnetometer's arbitrary unit is taken as 50 uT.
+// position and velocity are the receiver's. Status words follow the filter (bits and limits:
+// sbgEComLogEkf.h, sbgEComLogStatus.h and doc/binaryMessages.md of sbgECom 05c19cd). The undulation is 0, so that the
+// altitude is the height above the ellipsoid. A magnetometer's arbitrary unit is taken as 50 uT.
 #include "protocols/signals/signal_product.hpp"
 
 namespace imud {
@@ -29,8 +30,92 @@ double imu_status(const Reading& reading) noexcept {
 }
 constexpr MeasuredQuantity imu_status_word = {.name = "imu_status", .help = "", .get = imu_status};
 
+bool is_in(const Reading& reading, Solution::State state) noexcept {
+  return reading.sample.solution && reading.sample.solution->state == state;
+}
+bool has_magnetometer(const Sample& sample) noexcept { return !sample.magnetic_field.isZero(0.0); }
+
+// CLOCK_STATUS: bit 0 PPS, bits 1 to 4 the clock: 1 free running, 3 valid; bit 5 UTC is accurate; bits 6 to 9 UTC: 0
+// invalid, 2 initialized. For how long the clock is still valid without PPS no document has: here it is not.
+double clock_status(const Reading& reading) noexcept {
+  const unsigned clock = reading.sample.fix().is_known ? 1U | 3U << 1 | 1U << 5 : 1U << 1;
+  return clock | (reading.sample.timed().is_known ? 2U << 6 : 0U);
+}
+// AIDING_STATUS, the data that arrive: bits 0, 1 and 3 position, velocity and UTC of the receiver, 2 the heading of
+// its antennas, 8 the magnetometer, 13 the barometer.
+double aiding_status(const Reading& reading) noexcept {
+  const Sample& sample = reading.sample;
+  const bool has_antennas =
+      sample.solution && ((sample.solution->used | sample.solution->rejected) & aid::antennas_heading) != 0;
+  return (sample.fix().is_known ? 0x0BU : 0U) | (has_antennas ? 0x04U : 0U) |
+         (has_magnetometer(sample) ? 0x100U : 0U) | (sample.pressure != 0 ? 0x2000U : 0U);
+}
+
+// SOLUTION_STATUS, bits 0 to 3, the mode: 1 vertical gyro, 2 AHRS, 4 navigation. No document has a limit beyond which
+// a unit that has lost its fixes leaves mode 4, so that it stays there while it coasts.
+unsigned solution_mode(const Reading& reading) noexcept {
+  enum : unsigned { vertical_gyro = 1, ahrs = 2, nav_position = 4 };
+  if (reading.sample.navigation.is_known) return nav_position;
+  return !reading.sample.solution || has_magnetometer(reading.sample) ? ahrs : vertical_gyro;
+}
+// Bits 4 to 7: attitude, heading, velocity and position are valid, below 0.5 deg, 1 deg, 1.5 m/s and 10 m.
+unsigned valid_bits(const Reading& reading) noexcept {
+  constexpr auto tilt = static_cast<float>(0.5 * units::degree), heading = static_cast<float>(units::degree);
+  constexpr float velocity = 1.5F, position = 10;
+  constexpr unsigned attitudes = 0x30, places = 0xC0;
+  const Sample& sample = reading.sample;
+  if (!sample.solution) return attitudes | (sample.navigation.is_known ? places : 0U);
+  const Solution& solution = *sample.solution;
+  const unsigned attitude =
+      (solution.attitude.head<2>().maxCoeff() < tilt ? 0x10U : 0U) | (solution.attitude.z() < heading ? 0x20U : 0U);
+  if (!sample.navigation.is_known) return attitude;
+  return attitude | (solution.velocity.maxCoeff() < velocity ? 0x40U : 0U) |
+         (solution.position.maxCoeff() < position ? 0x80U : 0U);
+}
+// Bits 8 to 13, 25 and 26: the aids that are used; "since 3 s" is applied to the receiver's fixes, of the other aids
+// the last one counts. Bit 27, the alignment has converged, has no documented limit: here all four are valid. A unit
+// that reports the truth uses its receiver.
+double solution_status(const Reading& reading) noexcept {
+  constexpr unsigned vertical = 1U << 8, magnetic = 1U << 9, receiver = 3U << 10, antennas = 1U << 13,
+                     air_data = 1U << 25, zero_velocity = 1U << 26, converged = 1U << 27, all_valid = 0xF0;
+  constexpr float hold_s = 3;
+  const Sample& sample = reading.sample;
+  const unsigned valid = valid_bits(reading);
+  const unsigned status = solution_mode(reading) | valid | (valid == all_valid ? converged : 0U);
+  if (!sample.solution) return status | (sample.navigation.is_known ? receiver : 0U);
+  if (is_in(reading, Solution::State::aligning))
+    return status | vertical | (has_magnetometer(sample) ? magnetic : 0U);
+  const Solution& solution = *sample.solution;
+  const auto if_used = [&](unsigned aid, unsigned bits) { return (solution.used & aid) != 0 ? bits : 0U; };
+  const bool has_fixes = sample.navigation.is_known && solution.since_fix_s < hold_s;
+  return status | (has_fixes ? receiver : 0U) | if_used(aid::gravity, vertical) |
+         if_used(aid::magnetic_heading, magnetic) | if_used(aid::antennas_heading, antennas) |
+         if_used(aid::pressure, air_data) | if_used(aid::zero_velocity, zero_velocity);
+}
+
+constexpr MeasuredQuantity clock_word = {.name = "clock_status", .help = "", .get = clock_status};
+constexpr MeasuredQuantity aiding_word = {.name = "aiding_status", .help = "", .get = aiding_status};
+constexpr MeasuredQuantity solution_word = {.name = "solution_status", .help = "", .get = solution_status};
+constexpr CanSignal own(std::string_view name, unsigned start, unsigned length, double scale,
+                        const MeasuredQuantity& quantity) {
+  return {.name = name,
+          .start = start,
+          .length = length,
+          .encoding = intel_unsigned,
+          .scale = scale,
+          .quantity = &quantity};
+}
+
 constexpr CanSignal time_stamp = {"TIME_STAMP", 0, 32, intel_unsigned, 1, 0, "time_us"};
 
+// GENERAL_STATUS: power, settings, temperature, logger and processor are good. COM_STATUS: no error on the ports A to
+// E (bits 0 to 14), nor on the CAN bus (25 to 27), whose state is 2, good (28 to 30).
+constexpr CanSignal status_01[] = {
+    time_stamp, {.name = "GENERAL", .start = 32, .length = 16, .initial = 0x7F}, own("CLOCK", 48, 16, 1, clock_word)};
+constexpr CanSignal status_02[] = {{.name = "COM", .start = 0, .length = 32, .initial = 0x2E007FFF},
+                                   own("AIDING", 32, 32, 1, aiding_word)};
+constexpr CanSignal status_03[] = {own("SOLUTION", 0, 32, 1, solution_word),
+                                   {.name = "HEAVE_STATUS", .start = 32, .length = 16, .initial = 0}};
 constexpr CanSignal utc_0[] = {time_stamp, {"GPS_TOW", 32, 32, intel_unsigned, 1, 0, "gps_time_of_week_ms"}};
 constexpr CanSignal utc_1[] = {{"YEAR", 0, 8, intel_unsigned, 1, 2000, "utc_year"},
                                {"MONTH", 8, 8, intel_unsigned, 1, 0, "utc_month"},
@@ -82,6 +167,9 @@ constexpr CanSignal mag_1[] = {{"MAG_X", 0, 16, intel_signed, 1e-3, 0, "magnetic
                                {"MAG_Z", 32, 16, intel_signed, 1e-3, 0, "magnetic_field_z_au"}};
 
 constexpr SignalProductMessage messages[] = {
+    {"status_01", 0x100, 8, status_01},
+    {"status_02", 0x101, 8, status_02},
+    {"status_03", 0x102, 6, status_03},
     {"utc_0", 0x110, 8, utc_0},
     {"utc_1", 0x111, 8, utc_1},
     {"imu_info", 0x120, 8, imu_info},
@@ -115,7 +203,7 @@ constexpr Setting settings[] = {output_rate_setting(200, 1000), messages_setting
 
 extern constexpr Protocol sbg_can_protocol = signal_protocol<table>({
     .name = "sbg-can",
-    .summary = "SBG Systems Ellipse on CAN (sbgECan): IMU, attitude, position, UTC",
+    .summary = "SBG Systems Ellipse on CAN (sbgECan): IMU, attitude, position, UTC, status",
     .document = "sbgECom 5, doc/canProtocol.md",
     .settings = settings,
     .fields = Measurement::time | Measurement::rate | Measurement::specific_force | Measurement::temperature,

@@ -57,6 +57,43 @@ def sbg_imu_status(sample, _):
 ALIGNING, COASTING, AIDED, LEVELLED = 1, 2, 3, 4  # navigation_state; 0 is the truth
 
 
+def deviations(sample, quantity):
+    return [float(sample[f"{quantity}_sigma_{axis}"]) for axis in ("north", "east", "down")]
+
+
+def has_place(sample):
+    return sample["navigation_state"] in (0, COASTING, AIDED)
+
+
+def has_magnetometer(sample):
+    return any(sample[f"magnetic_field_{axis}"] for axis in "xyz")
+
+
+def sbg_clock(sample, _):
+    fixed = sample["gnss_fix"] == 1
+    return (0b100111 if fixed else 0b10) | (0x80 if fixed or has_place(sample) else 0)
+
+
+def sbg_aiding(sample, _):
+    return (0x0B if sample["gnss_fix"] else 0) | (4 if sample["aid_antennas_used"] else 0) | has_magnetometer(sample) << 8 | 1 << 13
+
+
+def sbg_solution(sample, _):
+    state = sample["navigation_state"]
+    if state == 0:
+        return 0x08000CF4
+    north, east, down = deviations(sample, "attitude")
+    valid = (max(north, east) < math.radians(0.5)) | (down < math.radians(1)) << 1
+    if has_place(sample):
+        valid |= (max(deviations(sample, "velocity")) < 1.5) << 2 | (max(deviations(sample, "position")) < 10) << 3
+    word = (4 if has_place(sample) else 2 if has_magnetometer(sample) else 1) | valid << 4 | (valid == 15) << 27
+    if state == ALIGNING:
+        return word | 1 << 8 | has_magnetometer(sample) << 9
+    receiver = has_place(sample) and sample["fix_age"] < 3
+    return word | int(sample["aid_magnetic_used"]) << 9 | (0xC00 if receiver else 0) | int(sample["aid_antennas_used"]) << 13 | (
+        int(sample["aid_pressure_used"]) << 25)
+
+
 def xsens_status(sample, _):
     clipped = (sample["status"] >> 3 & 7) << 8 | (sample["status"] & 7) << 11
     state = sample["navigation_state"]
@@ -106,6 +143,7 @@ EXPECTED = {
         "Q0": "q_LP_w", "Q1": "q_LP_x", "Q2": "q_LP_y", "Q3": "q_LP_z", "ROLL": "roll", "PITCH": "pitch", "YAW": "yaw",
         "LATITUDE": "latitude", "LONGITUDE": "longitude", "ALTITUDE": "height", "UNDULATION": 0,
         "VELOCITY_N": "velocity_north", "VELOCITY_E": "velocity_east", "VELOCITY_D": "velocity_down",
+        "GENERAL": 0x7F, "COM": 0x2E007FFF, "HEAVE_STATUS": 0, "CLOCK": sbg_clock, "AIDING": sbg_aiding, "SOLUTION": sbg_solution,
         **vector("VELOCITY_{}", "velocity"), "MAG_0.STATUS": 0xFF, **vector("MAG_{}", "magnetic_field")},
     "xsens_can.dbc": {
         "Timestamp": lambda sample, _: sample["time_ns"] * Decimal("1e-9"), "Counter": lambda sample, _: sample["counter"],

@@ -376,7 +376,7 @@ TEST(SignalProductTest, AFaultySettingIsRefusedWithItsRemedy) {
     EXPECT_EQ(refusal("sbg-can", std::string("messages=") + rate),
               std::string("messages: \"") + rate + "\": output_rate_hz must be divisible by the rate of a message");
   EXPECT_EQ(refusal("sbg-can", "messages=accel").substr(0, 63),
-            "messages: unknown message \"accel\"; the messages are utc_0, utc_");
+            "messages: unknown message \"accel\"; the messages are status_01, ");
   EXPECT_EQ(refusal("sbg-can", "identifiers=imu_accel"),
             "identifiers: \"imu_accel\": give NAME=ID, such as imu=0x123");
   EXPECT_EQ(refusal("sbg-can", "identifiers=imu_accel=x"),

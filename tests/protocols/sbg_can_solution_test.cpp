@@ -1,0 +1,92 @@
+// Status words of sbg-can: they follow the unit's own solution. Bits and limits: sbgECom 05c19cd,
+// sbgEComLogEkf.h, sbgEComLogStatus.h and doc/binaryMessages.md.
+#include <gtest/gtest.h>
+
+#include <string>
+#include <vector>
+
+#include "tests/protocols/can_text.hpp"
+#include "tests/protocols/recording.hpp"
+#include "tests/protocols/solution_phases.hpp"
+
+namespace imud {
+namespace {
+
+using SbgLines = std::vector<std::string>;
+
+// Returns the frames of a unit that sends these messages after that sample.
+SbgLines sbg_frames(const std::string& messages, const Sample& sample) {
+  const Protocol& protocol = protocol_named("sbg-can");
+  Line line(protocol, settings_of(protocol, "messages=" + messages));
+  SbgLines lines;
+  for (const Frame& frame : line.encode(sample)) lines.push_back(can_text(frame));
+  EXPECT_EQ(line.device->counts().empty() ? 0 : line.device->counts()[0], 0U);  // none has saturated
+  return lines;
+}
+// Returns the words CLOCK, AIDING and SOLUTION as they are in their frames.
+SbgLines sbg_words(const Sample& sample) {
+  SbgLines lines = sbg_frames("status_01,status_02,status_03", sample);
+  EXPECT_EQ(lines.at(0).substr(0, 16), "100#40420F007F00");  // 1 s; all is good
+  EXPECT_EQ(lines.at(1).substr(0, 12), "101#FF7F002E");
+  EXPECT_EQ(lines.at(2).substr(12), "0000");
+  return {lines[0].substr(16), lines[1].substr(12), lines[2].substr(4, 8)};
+}
+
+Sample sbg_known() {
+  Sample sample;
+  sample.time.ns = 1'000'000'000;
+  sample.navigation.is_known = true;
+  sample.navigation.gps_ns = 1'420'000'000'000'000'000;
+  return sample;
+}
+
+TEST(SbgCanSolutionTest, WordsOfTheTruthAreThoseOfANavigatingUnit) {
+  Sample sample = sbg_known();
+  EXPECT_EQ(sbg_words(sample), (SbgLines{"A700", "0B000000", "F40C0008"}));
+  sample.navigation = {};
+  EXPECT_EQ(sbg_words(sample), (SbgLines{"0200", "00000000", "32000000"}));
+  sample.magnetic_field.x() = 20e-6;
+  sample.pressure = 1e5;
+  EXPECT_EQ(sbg_words(sample), (SbgLines{"0200", "00210000", "32000000"}));
+}
+
+TEST(SbgCanSolutionTest, WordsFollowTheFilter) {
+  Sample known = sbg_known();
+  const auto solution = [](const Sample& sample) { return sbg_words(sample)[2]; };
+  // While it aligns: vertical gyro, with a magnetometer AHRS; the receiver's data arrive, and time with them.
+  EXPECT_EQ(sbg_words(aligning(known, false)), (SbgLines{"0200", "00000000", "01010000"}));
+  EXPECT_EQ(sbg_words(aligning(known)), (SbgLines{"A700", "0B000000", "01010000"}));
+  known.magnetic_field.x() = 20e-6;
+  EXPECT_EQ(sbg_words(aligning(known)), (SbgLines{"A700", "0B010000", "02030000"}));
+  // With fixes: navigation, all valid.
+  Sample sample = aided(known);
+  sample.solution->used = aid::position | aid::velocity | aid::magnetic_heading;
+  EXPECT_EQ(sbg_words(sample), (SbgLines{"A700", "0B010000", "F40E0008"}));
+  sample.solution->used = aid::antennas_heading | aid::pressure | aid::zero_velocity;
+  EXPECT_EQ(sbg_words(sample), (SbgLines{"A700", "0F010000", "F42C000E"}));
+  sample.solution->used = 0;
+  sample.solution->rejected = aid::antennas_heading;  // arrives, but is not used
+  EXPECT_EQ(sbg_words(sample), (SbgLines{"A700", "0F010000", "F40C0008"}));
+  // Without: the fixes count for 3 s, the time runs on, and the mode stays.
+  EXPECT_EQ(sbg_words(coasting(known, 2.9)), (SbgLines{"8200", "00010000", "F40C0008"}));
+  EXPECT_EQ(sbg_words(coasting(known, 3.1)), (SbgLines{"8200", "00010000", "F4000008"}));
+  EXPECT_EQ(solution(coasting(known, 60, {.tilt_deg = 0.6, .heading_deg = 1.1, .velocity = 1.6, .position = 11})),
+            "04000000");
+  // An attitude without a place.
+  sample.navigation = {};
+  sample.solution->state = Solution::State::levelled;
+  sample.solution->used = aid::gravity | aid::magnetic_heading;
+  EXPECT_EQ(solution(sample), "32030000");
+}
+
+TEST(SbgCanSolutionTest, EachQuantityIsValidBelowItsLimit) {
+  const auto valid = [](const PhaseSigmas& sigmas) { return sbg_words(aided(sbg_known(), sigmas))[2]; };
+  EXPECT_EQ(valid({.tilt_deg = 0.49, .heading_deg = 0.99, .velocity = 1.49, .position = 9.9}), "F40C0008");
+  EXPECT_EQ(valid({.tilt_deg = 0.51}), "E40C0000");
+  EXPECT_EQ(valid({.heading_deg = 1.01}), "D40C0000");
+  EXPECT_EQ(valid({.velocity = 1.51}), "B40C0000");
+  EXPECT_EQ(valid({.position = 10.1}), "740C0000");
+}
+
+}  // namespace
+}  // namespace imud
