@@ -6,9 +6,14 @@
 // sends nothing: the setting `messages` is its configuration, and begins with this set.
 //
 // Attitude, position and velocity are the truth's, or the solution of the unit's own filter; while that has no place,
-// position and velocity are the receiver's. Status words follow the filter (bits and limits:
+// position and velocity are the receiver's. Status words and accuracies follow the filter (bits and limits:
 // sbgEComLogEkf.h, sbgEComLogStatus.h and doc/binaryMessages.md of sbgECom 05c19cd). The undulation is 0, so that the
 // altitude is the height above the ellipsoid. A magnetometer's arbitrary unit is taken as 50 uT.
+#include <algorithm>
+#include <cmath>
+
+#include "core/attitude.hpp"
+#include "core/numbers/elementary.hpp"
 #include "protocols/signals/signal_product.hpp"
 
 namespace imud {
@@ -93,9 +98,42 @@ double solution_status(const Reading& reading) noexcept {
          if_used(aid::pressure, air_data) | if_used(aid::zero_velocity, zero_velocity);
 }
 
+// The standard deviation of an angle, rad: 0 roll, 1 pitch, 2 yaw, from the deviations of rotations about north, east
+// and down, which are taken as independent. The document's ranges end at pi, pi/2 and pi.
+template <int Angle>
+double angle_accuracy(const Reading& reading) noexcept {
+  if (!reading.sample.solution) return 0;
+  const Vector3 variance = reading.sample.solution->attitude.cast<double>().cwiseAbs2();
+  const Vector3 ypr = yaw_pitch_roll_from_dcm(reading.sample.q_LP.conjugate().toRotationMatrix());
+  const auto [sin_yaw, cos_yaw] = elementary::sincos(ypr[0]);
+  const auto [sin_pitch, cos_pitch] = elementary::sincos(ypr[1]);
+  const double ahead = cos_yaw * cos_yaw * variance.x() + sin_yaw * sin_yaw * variance.y();
+  const double across = sin_yaw * sin_yaw * variance.x() + cos_yaw * cos_yaw * variance.y();
+  const double level = std::max(cos_pitch * cos_pitch, 1e-12);
+  const double squares[] = {ahead / level, across, variance.z() + sin_pitch * sin_pitch / level * ahead};
+  return std::min(std::sqrt(squares[Angle]), Angle == 1 ? units::pi / 2 : units::pi);
+}
+// The standard deviation of a component, at most 655.35 m, the largest in its field, or 327.67 m/s: SBG's document
+// has accuracies of velocities without a sign, its sbgCan.dbc with one. So it is while there is no place.
+template <Eigen::Vector3f Solution::*Member, int Axis>
+double accuracy(const Reading& reading) noexcept {
+  constexpr double largest = Member == &Solution::position ? 655.35 : 327.67;
+  if (!reading.sample.solution) return 0;
+  if (!reading.sample.navigation.is_known) return largest;
+  return std::min(largest, static_cast<double>(((*reading.sample.solution).*Member)[Axis]));
+}
 constexpr MeasuredQuantity clock_word = {.name = "clock_status", .help = "", .get = clock_status};
 constexpr MeasuredQuantity aiding_word = {.name = "aiding_status", .help = "", .get = aiding_status};
 constexpr MeasuredQuantity solution_word = {.name = "solution_status", .help = "", .get = solution_status};
+template <int Angle>
+constexpr MeasuredQuantity angle_deviation = {.name = "accuracy", .help = "", .get = angle_accuracy<Angle>};
+template <int Axis>
+constexpr MeasuredQuantity position_deviation = {
+    .name = "accuracy", .help = "", .get = accuracy<&Solution::position, Axis>};
+template <int Axis>
+constexpr MeasuredQuantity velocity_deviation = {
+    .name = "accuracy", .help = "", .get = accuracy<&Solution::velocity, Axis>};
+
 constexpr CanSignal own(std::string_view name, unsigned start, unsigned length, double scale,
                         const MeasuredQuantity& quantity) {
   return {.name = name,
@@ -150,13 +188,22 @@ constexpr CanSignal ekf_quat[] = {{"Q0", 0, 16, intel_signed, 1.0 / 32767, 0, "q
 constexpr CanSignal ekf_euler[] = {{"ROLL", 0, 16, intel_signed, 1e-4, 0, "roll_rad"},
                                    {"PITCH", 16, 16, intel_signed, 1e-4, 0, "pitch_rad"},
                                    {"YAW", 32, 16, intel_signed, 1e-4, 0, "yaw_rad"}};
+constexpr CanSignal ekf_orientation_acc[] = {own("ROLL_ACC", 0, 16, 1e-4, angle_deviation<0>),
+                                             own("PITCH_ACC", 16, 16, 1e-4, angle_deviation<1>),
+                                             own("YAW_ACC", 32, 16, 1e-4, angle_deviation<2>)};
 constexpr CanSignal ekf_pos[] = {{"LATITUDE", 0, 32, intel_signed, 1e-7, 0, "latitude_deg"},
                                  {"LONGITUDE", 32, 32, intel_signed, 1e-7, 0, "longitude_deg"}};
 constexpr CanSignal ekf_altitude[] = {{"ALTITUDE", 0, 32, intel_signed, 1e-3, 0, "height_m"},
                                       {"UNDULATION", 32, 16, intel_signed, 5e-3, 0}};
+constexpr CanSignal ekf_pos_acc[] = {own("LATITUDE_ACC", 0, 16, 0.01, position_deviation<0>),
+                                     own("LONGITUDE_ACC", 16, 16, 0.01, position_deviation<1>),
+                                     own("ALTITUDE_ACC", 32, 16, 0.01, position_deviation<2>)};
 constexpr CanSignal ekf_vel_ned[] = {{"VELOCITY_N", 0, 16, intel_signed, 0.01, 0, "velocity_north_m_per_s"},
                                      {"VELOCITY_E", 16, 16, intel_signed, 0.01, 0, "velocity_east_m_per_s"},
                                      {"VELOCITY_D", 32, 16, intel_signed, 0.01, 0, "velocity_down_m_per_s"}};
+constexpr CanSignal ekf_vel_ned_acc[] = {own("VELOCITY_ACC_N", 0, 16, 0.01, velocity_deviation<0>),
+                                         own("VELOCITY_ACC_E", 16, 16, 0.01, velocity_deviation<1>),
+                                         own("VELOCITY_ACC_D", 32, 16, 0.01, velocity_deviation<2>)};
 constexpr CanSignal ekf_vel_body[] = {{"VELOCITY_X", 0, 16, intel_signed, 0.01, 0, "velocity_x_m_per_s"},
                                       {"VELOCITY_Y", 16, 16, intel_signed, 0.01, 0, "velocity_y_m_per_s"},
                                       {"VELOCITY_Z", 32, 16, intel_signed, 0.01, 0, "velocity_z_m_per_s"}};
@@ -180,9 +227,12 @@ constexpr SignalProductMessage messages[] = {
     {"ekf_info", 0x130, 4, ekf_info},
     {"ekf_quat", 0x131, 8, ekf_quat},
     {"ekf_euler", 0x132, 6, ekf_euler},
+    {"ekf_orientation_acc", 0x133, 6, ekf_orientation_acc},
     {"ekf_pos", 0x134, 8, ekf_pos},
     {"ekf_altitude", 0x135, 6, ekf_altitude},
+    {"ekf_pos_acc", 0x136, 6, ekf_pos_acc},
     {"ekf_vel_ned", 0x137, 6, ekf_vel_ned},
+    {"ekf_vel_ned_acc", 0x138, 6, ekf_vel_ned_acc},
     {"ekf_vel_body", 0x139, 6, ekf_vel_body},
     {"mag_0", 0x150, 6, mag_0},
     {"mag_1", 0x151, 6, mag_1},

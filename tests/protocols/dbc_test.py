@@ -94,6 +94,33 @@ def sbg_solution(sample, _):
         int(sample["aid_pressure_used"]) << 25)
 
 
+def sbg_angle(index):
+    """The deviation of 0 roll, 1 pitch, 2 yaw, by numerical differentiation of the angles."""
+    def accuracy(sample, _):
+        q = tuple(float(sample[f"q_LP_{c}"]) for c in "wxyz")
+
+        def angles(axis, phi):  # of the attitude turned by phi about north, east or down
+            v = [0.0, 0.0, 0.0]
+            v[axis] = math.sin(phi / 2)
+            w, x, y, z = times((math.cos(phi / 2), *v), q)
+            return (math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y)), math.asin(max(-1, min(1, 2 * (w * y - z * x)))),
+                    math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)))
+        step = 1e-6
+        slopes = [math.remainder(angles(axis, step)[index] - angles(axis, -step)[index], 2 * math.pi) / (2 * step) for axis in range(3)]
+        return min(math.hypot(*(s * d for s, d in zip(slopes, deviations(sample, "attitude")))), math.pi / (2 if index == 1 else 1))
+    return accuracy
+
+
+def times(p, q):
+    """The product of two quaternions w, x, y, z."""
+    (a, b, c, d), (w, x, y, z) = p, q
+    return (a * w - b * x - c * y - d * z, a * x + b * w + c * z - d * y, a * y - b * z + c * w + d * x, a * z + b * y - c * x + d * w)
+
+
+def sbg_accuracy(quantity, axis, unknown):
+    return lambda sample, _: deviations(sample, quantity)[axis] if has_place(sample) else unknown
+
+
 def xsens_status(sample, _):
     clipped = (sample["status"] >> 3 & 7) << 8 | (sample["status"] & 7) << 11
     state = sample["navigation_state"]
@@ -144,6 +171,9 @@ EXPECTED = {
         "LATITUDE": "latitude", "LONGITUDE": "longitude", "ALTITUDE": "height", "UNDULATION": 0,
         "VELOCITY_N": "velocity_north", "VELOCITY_E": "velocity_east", "VELOCITY_D": "velocity_down",
         "GENERAL": 0x7F, "COM": 0x2E007FFF, "HEAVE_STATUS": 0, "CLOCK": sbg_clock, "AIDING": sbg_aiding, "SOLUTION": sbg_solution,
+        "ROLL_ACC": sbg_angle(0), "PITCH_ACC": sbg_angle(1), "YAW_ACC": sbg_angle(2),
+        **{f"{name}_ACC": sbg_accuracy("position", i, 655.35) for i, name in enumerate(("LATITUDE", "LONGITUDE", "ALTITUDE"))},
+        **{f"VELOCITY_ACC_{name}": sbg_accuracy("velocity", i, 327.67) for i, name in enumerate("NED")},
         **vector("VELOCITY_{}", "velocity"), "MAG_0.STATUS": 0xFF, **vector("MAG_{}", "magnetic_field")},
     "xsens_can.dbc": {
         "Timestamp": lambda sample, _: sample["time_ns"] * Decimal("1e-9"), "Counter": lambda sample, _: sample["counter"],

@@ -141,7 +141,8 @@ int main() {
       "sbg-can",
       "output_rate_hz=100 "
       "messages=status_01,status_02,status_03,utc_0,utc_1,imu_info,imu_accel,imu_gyro,imu_delta_vel,imu_delta_angle,"
-      "ekf_info,ekf_quat,ekf_euler,ekf_pos,ekf_altitude,ekf_vel_ned,ekf_vel_body,mag_0,mag_1",
+      "ekf_info,ekf_quat,ekf_euler,ekf_orientation_acc,ekf_pos,ekf_altitude,ekf_pos_acc,ekf_vel_ned,ekf_vel_ned_acc,"
+      "ekf_vel_body,mag_0,mag_1",
       "sbg_can.dbc");
   imud::dump_tables("bosch-mm7", "", "bosch_mm7.dbc");
   imud::dump_tables("bosch-mm5", "", "bosch_mm5.dbc");

@@ -1,10 +1,12 @@
-// Status words of sbg-can: they follow the unit's own solution. Bits and limits: sbgECom 05c19cd,
+// Status words and accuracies of sbg-can: they follow the unit's own solution. Bits and limits: sbgECom 05c19cd,
 // sbgEComLogEkf.h, sbgEComLogStatus.h and doc/binaryMessages.md.
 #include <gtest/gtest.h>
 
 #include <string>
 #include <vector>
 
+#include "core/attitude.hpp"
+#include "core/units.hpp"
 #include "tests/protocols/can_text.hpp"
 #include "tests/protocols/recording.hpp"
 #include "tests/protocols/solution_phases.hpp"
@@ -86,6 +88,29 @@ TEST(SbgCanSolutionTest, EachQuantityIsValidBelowItsLimit) {
   EXPECT_EQ(valid({.heading_deg = 1.01}), "D40C0000");
   EXPECT_EQ(valid({.velocity = 1.51}), "B40C0000");
   EXPECT_EQ(valid({.position = 10.1}), "740C0000");
+}
+
+TEST(SbgCanSolutionTest, AccuraciesAreTheFiltersDeviations) {
+  const std::string messages = "ekf_orientation_acc,ekf_pos_acc,ekf_vel_ned_acc";
+  EXPECT_EQ(sbg_frames(messages, sbg_known()),
+            (SbgLines{"133#000000000000", "136#000000000000", "138#000000000000"}));
+  Sample sample = aided(sbg_known());
+  sample.solution->attitude = {0.001F, 0.002F, 0.004F};
+  sample.solution->velocity = {0.01F, 0.02F, 0.03F};
+  sample.solution->position = {1, 2, 300};
+  EXPECT_EQ(sbg_frames(messages, sample), (SbgLines{"133#0A0014002800", "136#6400C8003075", "138#010002000300"}));
+  // Heading east, the roll is a rotation about east. Nose up by 60 deg, it is that over cos 60 deg, and the yaw has
+  // the part tan 60 deg of it: sqrt(0.004^2 + 0.002^2 * 3) = 0.00529.
+  sample.q_LP = exp(Vector3(0, 0, units::pi / 2));
+  EXPECT_EQ(sbg_frames(messages, sample)[0], "133#14000A002800");
+  sample.q_LP = sample.q_LP * exp(Vector3(0, units::pi / 3, 0));
+  EXPECT_EQ(sbg_frames(messages, sample)[0], "133#28000A003500");
+  sample.solution->velocity.setConstant(1e4F);
+  sample.solution->position.setConstant(1e4F);
+  const SbgLines unknown = {"133#B87A5C3DB87A", "136#FFFFFFFFFFFF", "138#FF7FFF7FFF7F"};
+  EXPECT_EQ(sbg_frames(messages, sample)[1], unknown[1]);
+  EXPECT_EQ(sbg_frames(messages, sample)[2], unknown[2]);
+  EXPECT_EQ(sbg_frames(messages, aligning(sbg_known())), unknown);
 }
 
 }  // namespace
