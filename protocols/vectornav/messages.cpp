@@ -1,4 +1,6 @@
 // The text messages: one table for the stream, the measurement registers and the load of the line.
+#include <algorithm>
+#include <array>
 #include <cstdio>
 
 #include "protocols/vectornav/quantities.hpp"
@@ -120,6 +122,13 @@ constexpr MessageType messages[] = {
     {register_only + 98, "", 98, {2, firmware_3}, 0, {compass_startup}},
 };
 
+// Returns true if the register reports what the receivers measure, and not the solution: VNGPS, VNGPE, VNG2S, VNG2E,
+// the health of the compass's signals and its start-up.
+constexpr bool is_of_receivers(unsigned register_id) noexcept {
+  constexpr std::array<unsigned, 6> all = {58, 59, 86, 98, 103, 104};
+  return std::find(all.begin(), all.end(), register_id) != all.end();
+}
+
 const MessageType* find(unsigned type) noexcept {
   for (const MessageType& message : messages)
     if (message.type == type) return &message;
@@ -151,8 +160,8 @@ unsigned type_of_register(unsigned id) noexcept {
 void put_measurement(unsigned type, const Reading& reading, Sums& sums, Message& message) noexcept {
   const MessageType* known = find(type);
   if (known == nullptr) return;
-  const bool is_of_receiver = known->register_id == 58 || known->register_id == 59;  // VNGPS, VNGPE
-  const Quantities now = is_of_receiver ? Quantities::of_receiver(reading, sums) : Quantities(reading, sums);
+  const Quantities now =
+      is_of_receivers(known->register_id) ? Quantities::of_receiver(reading, sums) : Quantities(reading, sums);
   for (const Part put : known->parts)
     if (put != nullptr) put(now, message);
   if (known->has_increments) sums = {};

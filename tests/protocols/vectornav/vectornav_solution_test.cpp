@@ -87,6 +87,67 @@ TEST(VectorNavSolution, PositionAndVelocityStayWhenTheFixesAreLost) {
   EXPECT_EQ(back[east], "+020.000");
 }
 
+// The manual of the VersaSync, page 352: position and velocity are no longer updated. Their uncertainties are still
+// those that the filter expects.
+TEST(VectorNavSolution, TheUncertaintyGrowsOnWhileThePlaceStays) {
+  Unit unit({{"model", std::string("vn-300")}, {"async_type", std::int64_t{0}}});
+  const auto lost = [&](double since_fix_s, double position) {
+    const PhaseSigmas sigmas = {.velocity = 3, .position = position};
+    const auto words = ins_words(unit, coasting(at_30_north(90), since_fix_s, sigmas));
+    return words[2] + "," + words[13] + "," + words[14];
+  };
+  EXPECT_EQ(lost(44, 20), "0002,20.0,3.00");
+  EXPECT_EQ(lost(46, 25), "0003,25.0,3.00");
+  EXPECT_EQ(lost(90, 70), "0003,70.0,3.00");
+}
+
+// Both receivers, the health of the compass's signals and its start-up: they have nothing without a fix, although the
+// solution coasts, and everything while it aligns.
+TEST(VectorNavSolution, ReceiversReportTheirOwnFix) {
+  Unit unit(
+      {{"model", std::string("vn-300")}, {"async_type", std::int64_t{0}}, {"firmware", std::string("3.0.0.0")}});
+  Sample known = at_30_north(90);
+  known.navigation.satellites = 9;
+  const auto read = [&](const Sample& sample, const char* id) {
+    unit.sample = sample;
+    unit.run(1);
+    const std::string answer = unit.ask("VNRRG," + std::string(id));
+    return answer.substr(0, answer.find('*'));
+  };
+  Sample moved = coasting(known, 5);
+  moved.navigation.longitude += 0.1;
+  for (const char* id : {"58", "59", "103", "104", "86", "98"}) {
+    const std::string of_truth = read(known, id), none = read(moved, id);
+    EXPECT_EQ(read(aligning(known), id), of_truth);
+    EXPECT_EQ(read(aided(known), id), of_truth);
+    EXPECT_NE(none, of_truth);
+    EXPECT_EQ(read(aligning(known, false), id), none);
+    const std::size_t first = none.find(',', 7);
+    EXPECT_EQ(none.find_first_of("123456789", first), std::string::npos) << none << ": all are 0";
+  }
+  EXPECT_NE(read(moved, "63").find("+095.7"), std::string::npos) << "the solution goes on";
+}
+
+// SyncOut follows the pulse of the receiver, which has none without a fix.
+TEST(VectorNavSolution, NoPulseWithoutAFix) {
+  Unit unit({{"model", std::string("vn-300")}, {"async_type", std::int64_t{0}}});
+  const auto pulses = [&](const Sample& sample, int seconds) {
+    unit.sample = sample;
+    for (int k = 0; k < seconds; ++k) {
+      unit.sample.navigation.gps_ns += 1'000'000'000;
+      if (unit.sample.solution && unit.sample.fix().is_known) unit.sample.solution->receiver = unit.sample.navigation;
+      unit.wait(std::chrono::seconds(1));
+      unit.run(1);
+    }
+    const std::string answer = unit.ask("VNRRG,33");
+    return std::stoi(answer.substr(answer.rfind(',') + 1));
+  };
+  const int first = pulses(aided(at_30_north(90)), 3);
+  const int more = pulses(aided(at_30_north(90)), 3);
+  EXPECT_GT(more, first);
+  EXPECT_EQ(pulses(coasting(at_30_north(90), 5), 3), more);
+}
+
 TEST(VectorNavSolution, UncertaintiesAreTheFilters) {
   Unit unit({{"model", std::string("vn-200")}, {"async_type", std::int64_t{0}}});
   const Sample known = at_30_north(90);
