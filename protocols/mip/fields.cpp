@@ -124,9 +124,9 @@ std::int64_t Fields::gps_ns(DeviceTime at) const noexcept {
 bool Fields::has_pulse(DeviceTime at) const noexcept {
   constexpr Nanoseconds longest_period = std::chrono::milliseconds(1100);
   switch (memory_.pulse_source()) {
-    case PulseSource::receiver_1:
+    case PulseSource::receiver_1:  // a receiver without a fix sends none
     case PulseSource::receiver_2:
-      return knows_time();
+      return sample_.fix().is_known;
     case PulseSource::gpio:
       return memory_.pulses().last && at - *memory_.pulses().last <= longest_period;
     default:
@@ -136,7 +136,7 @@ bool Fields::has_pulse(DeviceTime at) const noexcept {
 
 std::optional<std::int64_t> Fields::seconds_clock(PulseSource source, DeviceTime at) const noexcept {
   if (source == PulseSource::generated) return since_start(at).count();
-  if ((source == PulseSource::receiver_1 || source == PulseSource::receiver_2) && knows_time())
+  if ((source == PulseSource::receiver_1 || source == PulseSource::receiver_2) && sample_.fix().is_known)
     return true_gps_ns(at);
   return std::nullopt;
 }
@@ -232,8 +232,7 @@ void Fields::put_sensor(Packet& packet, std::uint8_t descriptor, const Since& si
       break;
     case 0x12: {  // flags: a pulse per second is present; a bit that each update toggles; the time was set; the
                   // time of week is valid; the week is valid
-      const bool has_receiver = memory_.model().gnss_hz > 0 && is_known();
-      const std::int64_t updates = memory_.gps_update().count + (has_receiver ? true_gps_ns(at) / second_ns : 0);
+      const std::int64_t updates = memory_.gps_update().count + gnss_updates(at);
       put_gps_time(packet, gps_ns(at));
       packet.put(static_cast<std::uint16_t>(has_pulse(at) | (updates & 1) << 1 |
                                             (has_time_of_week() || has_week()) << 2 | has_time_of_week() << 3 |
@@ -252,16 +251,30 @@ void Fields::put_sensor(Packet& packet, std::uint8_t descriptor, const Since& si
   }
 }
 
+std::int64_t Fields::gnss_updates(DeviceTime at) const noexcept {
+  if (memory_.model().gnss_hz == 0) return 0;
+  if (sample_.fix().is_known) return true_gps_ns(at) / second_ns;
+  return last_fix_ ? last_fix_->gps_ns / second_ns : 0;
+}
+
+std::int64_t Fields::since_pulse_s(DeviceTime at) const noexcept {
+  constexpr std::int64_t never = 255;
+  const PulseSource source = memory_.pulse_source();
+  if (source == PulseSource::gpio) {
+    const auto& last = memory_.pulses().last;
+    return last ? std::min((at - *last).count() / second_ns, never) : never;
+  }
+  if (has_pulse(at)) return 0;
+  const bool is_receiver = source == PulseSource::receiver_1 || source == PulseSource::receiver_2;
+  if (!is_receiver || !last_fix_ || !knows_time()) return never;
+  return std::clamp((true_gps_ns(at) - last_fix_->gps_ns) / second_ns, std::int64_t{0}, never);
+}
+
 // Writes the state of synchronization and the seconds since the last pulse, or the states of the pins.
 void Fields::put_system(Packet& packet, std::uint8_t descriptor, DeviceTime at) const noexcept {
   if (descriptor == 0x03) return packet.put(memory_.pin_states());
-  const auto& last = memory_.pulses().last;
-  const bool is_input = memory_.pulse_source() == PulseSource::gpio;
-  const std::int64_t never = 255, since_s = !is_input ? (has_pulse(at) ? 0 : never)
-                                            : last    ? (at - *last).count() / second_ns
-                                                      : never;
   packet.put(std::uint8_t{has_pulse(at)});
-  packet.put(static_cast<std::uint8_t>(std::min(since_s, never)));
+  packet.put(static_cast<std::uint8_t>(since_pulse_s(at)));
 }
 
 void Fields::put_gps_time(Packet& packet, std::int64_t ns) noexcept {

@@ -203,7 +203,9 @@ class Fields {
   static void put_position(Packet& packet, const Navigation& navigation) noexcept;
   bool is_known() const noexcept { return sample_.navigation.is_known; }
   bool knows_time() const noexcept { return sample_.timed().is_known; }
-  std::int64_t true_gps_ns(DeviceTime at) const noexcept;  // GPS time of a receiver; 0 if the truth has none
+  std::int64_t true_gps_ns(DeviceTime at) const noexcept;    // GPS time of a receiver; 0 if the truth has none
+  std::int64_t gnss_updates(DeviceTime at) const noexcept;   // the seconds of a receiver's fixes; 0 before the first
+  std::int64_t since_pulse_s(DeviceTime at) const noexcept;  // 255: longer ago, or there was none
   bool has_week() const noexcept;
   bool has_time_of_week() const noexcept;
   Vector3 gravity() const noexcept;  // m/s^2, in V

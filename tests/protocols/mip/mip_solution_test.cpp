@@ -88,8 +88,9 @@ TEST(MipSolution, StateAndFlagsOfAGq7) {
   EXPECT_EQ(after(0, aligning(known, false)), Status(1, 2 | 0x40C)) << "initialization, no pulse";
   EXPECT_EQ(after(4, aligning(known)), Status(2, 2 | 0x0C)) << "vertical gyro";
   EXPECT_EQ(after(0, aided(known)), Status(4, 1)) << "full navigation, stable";
-  EXPECT_EQ(after(0, coasting(known, 5)), Status(4, 2)) << "converging";
-  EXPECT_EQ(after(0, coasting(known, 60, far_off)), Status(4, 2 | 0x30));
+  EXPECT_EQ(after(0, coasting(known, 5)), Status(4, 2 | 0x400))
+      << "converging, and a receiver without a fix has no pulse";
+  EXPECT_EQ(after(0, coasting(known, 60, far_off)), Status(4, 2 | 0x430));
   EXPECT_EQ(after(0, aided(known)), Status(4, 1));
 }
 
@@ -204,6 +205,26 @@ TEST(MipSolution, BiasesOfTheHostAreSubtractedOnce) {
   const Bytes aligns = ins.packet(aligning(sample));
   EXPECT_EQ(three(aligns, 0x06), Vector3::Zero());
   EXPECT_LT((three(aligns, 0x0E) - Vector3(0.4375, 0.25, 0)).norm(), 1e-6) << "less the host's";
+}
+
+// u-blox ZED-F9P interface description, CFG-TP: the pulse of a receiver that has lost its time has a setting of its
+// own, with which it is absent.
+TEST(MipSolution, AReceiverWithoutAFixHasNoPulse) {
+  Unit unit({{"model", std::string("3dm-gq7")}});
+  const Sample known = over_boulder();
+  const auto synchronization = [&](Sample sample, std::int64_t after_s) {
+    sample.navigation.gps_ns += after_s * 1'000'000'000;
+    unit.sample = sample;
+    unit.run(1);
+    const auto sent = unit.send(command(0x0C, 0x0D, {0xA0, 0, 1, 0x02}));
+    return sent.size() == 2 ? field(sent[1], 0x02) : Bytes();
+  };
+  EXPECT_EQ(synchronization(aligning(known, false), 0), (Bytes{0, 255})) << "never";
+  EXPECT_EQ(synchronization(aligning(known), 0), (Bytes{1, 0}));
+  EXPECT_EQ(synchronization(aided(known), 0), (Bytes{1, 0}));
+  EXPECT_EQ(synchronization(coasting(known, 7), 7), (Bytes{0, 7})) << "s since the last one";
+  EXPECT_EQ(synchronization(coasting(known, 999), 999), (Bytes{0, 255})) << "at most";
+  EXPECT_EQ(synchronization(known, 0), (Bytes{1, 0})) << "of the truth";
 }
 
 // While the filter aligns its attitude is not valid, and the time is the receiver's.
