@@ -13,6 +13,10 @@ namespace {
 constexpr double gauss = 1e-4;    // T
 constexpr double millibar = 100;  // Pa
 
+constexpr bool is_of_each_aid(std::uint8_t set, std::uint8_t descriptor) {
+  return set == filter && descriptor == aiding_summary;
+}
+
 }  // namespace
 
 std::span<const DataField> data_fields() noexcept { return field_table; }
@@ -29,7 +33,8 @@ const DataField* find_field(const Model& model, std::uint8_t set, std::uint8_t d
 bool fits_a_packet(const Model& model, const Stream& stream) noexcept {
   std::size_t size = 0;
   for (std::size_t i = 0; i < stream.count; ++i)
-    if (const DataField* field = find_field(model, stream.set, stream.format[i].descriptor)) size += 2U + field->size;
+    if (const DataField* field = find_field(model, stream.set, stream.format[i].descriptor))
+      size += (2U + field->size) * (is_of_each_aid(stream.set, field->descriptor) ? most_aids : 1);
   return size <= longest - header_size - checksum_size;
 }
 
@@ -157,6 +162,7 @@ void Fields::put(Packet& packet, std::uint8_t set, std::uint8_t descriptor, cons
                  DeviceTime at) const noexcept {
   const DataField* field = find_field(memory_.model(), set, descriptor);
   if (field == nullptr || !packet.has_room_for(field->size)) return;
+  if (is_of_each_aid(set, descriptor)) return put_aiding_summaries(packet, at);
   packet.begin(descriptor);
   if (descriptor >= 0xD0)
     put_shared(packet, descriptor, since, at);

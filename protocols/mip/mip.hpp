@@ -86,6 +86,9 @@ struct DataField {
   unsigned models;                     // the models that have this field
 };
 std::span<const DataField> data_fields() noexcept;
+// A field of the filter that is sent once for each aid of the model, 5 at most.
+inline constexpr std::uint8_t aiding_summary = 0x46;
+inline constexpr std::size_t most_aids = 5;
 // Returns nullptr if the model has no such field.
 const DataField* find_field(const Model& model, std::uint8_t set, std::uint8_t descriptor) noexcept;
 
@@ -194,6 +197,7 @@ class Fields {
   void put_sensor(Packet& packet, std::uint8_t descriptor, const Since& since, DeviceTime at) const noexcept;
   void put_filter(Packet& packet, std::uint8_t descriptor, DeviceTime at) const noexcept;
   void put_filter_status(Packet& packet, DeviceTime at) const noexcept;
+  void put_aiding_summaries(Packet& packet, DeviceTime at) const noexcept;
   void put_dual_antenna(Packet& packet, DeviceTime at) const noexcept;
   void put_gnss(Packet& packet, std::uint8_t descriptor, DeviceTime at) const noexcept;
   void put_system(Packet& packet, std::uint8_t descriptor, DeviceTime at) const noexcept;

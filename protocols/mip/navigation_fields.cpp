@@ -1,8 +1,10 @@
 // The fields of the filter and of the receivers. They report the truth with the errors of the sample, and the
 // standard deviations of these as their accuracies. Of a unit with a filter of its own, the filter's solution is in
 // the fields of the filter, and its receiver's fix in the receivers' fields.
+#include <array>
 #include <chrono>
 #include <cmath>
+#include <span>
 
 #include "core/attitude.hpp"
 #include "core/earth/earth.hpp"
@@ -106,6 +108,10 @@ void Fields::put_filter(Packet& packet, std::uint8_t descriptor, DeviceTime at) 
     case 0x06:
       packet.put_floats(more_gyro_bias());  // in P, beside the host's
       break;
+    case 0x07:
+      packet.put_floats(more_accelerometer_bias());  // in P, beside the host's
+      valid = navigates;
+      break;
     case 0x08:
       packet.put_floats(uncertainty(&Solution::position,
                                     double{navigation.accuracy_factor} *
@@ -125,6 +131,10 @@ void Fields::put_filter(Packet& packet, std::uint8_t descriptor, DeviceTime at) 
       break;
     case 0x0B:
       packet.put_floats(uncertainty(&Solution::gyro_bias_sigma, Vector3::Constant(1e-4)));  // rad/s
+      break;
+    case 0x0C:
+      packet.put_floats(uncertainty(&Solution::accelerometer_bias_sigma, Vector3::Constant(1e-2)));  // m/s^2
+      valid = navigates;
       break;
     case 0x0D:
       packet.put_floats(without(more_accelerometer_bias(), sample_.specific_force) + gravity());
@@ -208,6 +218,41 @@ unsigned Fields::flags_of_series_7(FilterState state, const Warnings& high, bool
   const bool is_stable = is_settled && (!is_gq7 || state == FilterState::full_navigation);
   return (is_stable ? 1U : 2U) | (high.tilt ? 0x04U : 0U) | (high.heading ? 0x08U : 0U) |
          (high.position ? 0x10U : 0U) | (high.velocity ? 0x20U : 0U) | (is_gq7 && !has_pulse ? 0x400U : 0U);
+}
+
+// Writes for each aid the second of the week, its source, its type, and whether it is enabled (1), was used (2) or
+// had a high residual (4) when it was due last (mip_sdk, data_filter.hpp; files.microstrain.com, GQ7 User Manual,
+// 0x82,0x46). A CV7 has the fixes as its host would send them (set 0x13). Where the solution is the truth, its fixes
+// are used.
+void Fields::put_aiding_summaries(Packet& packet, DeviceTime at) const noexcept {
+  struct Aid {
+    std::uint8_t source, type;
+    unsigned bits;  // of namespace aid
+  };
+  enum : std::uint8_t { of_receiver = 1, two_antennas, heading, pressure, magnetometer, llh = 34, ned = 41 };
+  static constexpr std::array<Aid, most_aids> of_gq7 = {Aid{1, of_receiver, aid::position | aid::velocity},
+                                                        {2, of_receiver, aid::position | aid::velocity},
+                                                        {0, two_antennas, aid::antennas_heading},
+                                                        {0, pressure, aid::pressure},
+                                                        {0, magnetometer, aid::magnetic_heading}};
+  static constexpr std::array<Aid, 4> of_cv7 = {Aid{1, llh, aid::position},
+                                                {1, ned, aid::velocity},
+                                                {0, pressure, aid::pressure},
+                                                {0, magnetometer, aid::magnetic_heading}};
+  const std::optional<Solution>& solution = sample_.solution;
+  const unsigned fixes = is_known() ? aid::position | aid::velocity : 0U;
+  const unsigned used = solution ? solution->used : fixes, rejected = solution ? solution->rejected : 0U;
+  const double second = knows_time() ? 1e-9 * static_cast<double>(true_gps_ns(at) % gps_week_ns) : 0;
+  for (const Aid& one : memory_.model().is(gq7) ? std::span<const Aid>(of_gq7) : std::span<const Aid>(of_cv7)) {
+    if (!packet.has_room_for(sizeof(float) + 3)) return;
+    packet.begin(aiding_summary);
+    packet.put_float(second);
+    packet.put(one.source);
+    packet.put(one.type);
+    packet.put(
+        static_cast<std::uint8_t>(1U | ((used & one.bits) != 0 ? 2U : 0U) | ((rejected & one.bits) != 0 ? 4U : 0U)));
+    packet.end();
+  }
 }
 
 // Writes the second of the week, heading, its uncertainty, and flags: integers fixed, both receivers and the offsets

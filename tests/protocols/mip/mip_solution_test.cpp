@@ -1,6 +1,9 @@
 // What a MIP device reports while its own filter aligns, is aided, coasts, and is aided again.
 #include <gtest/gtest.h>
 
+#include <array>
+#include <vector>
+
 #include "core/attitude.hpp"
 #include "core/units.hpp"
 #include "tests/protocols/mip/mip_unit.hpp"
@@ -205,6 +208,61 @@ TEST(MipSolution, BiasesOfTheHostAreSubtractedOnce) {
   const Bytes aligns = ins.packet(aligning(sample));
   EXPECT_EQ(three(aligns, 0x06), Vector3::Zero());
   EXPECT_LT((three(aligns, 0x0E) - Vector3(0.4375, 0.25, 0)).norm(), 1e-6) << "less the host's";
+}
+
+// The accelerometers' are there with a place alone.
+TEST(MipSolution, BiasesOfTheAccelerometersAndTheirUncertainties) {
+  FilterUnit ins("3dm-gx5-45", {0x07, 0x0C});
+  EXPECT_EQ(ins.unit().code(command(0x0C, 0x37, hex("01000000003C23D70A00000000"))), 0);  // 0.01 g along y
+  Sample sample = aided(over_boulder());
+  sample.solution->accelerometer_bias = {0.25F, 0.5F, -0.125F};
+  sample.solution->accelerometer_bias_sigma = {0.01F, 0.02F, 0.03F};
+  const auto valid = [](const Bytes& packet) {
+    return number_at<std::uint16_t>(field(packet, 0x07), 12) + 2 * number_at<std::uint16_t>(field(packet, 0x0C), 12);
+  };
+  const Bytes navigates = ins.packet(sample);
+  EXPECT_LT((three(navigates, 0x07) - Vector3(0.25, 0.5 - 0.0980665, -0.125)).norm(), 1e-6) << "beside the host's";
+  EXPECT_LT((three(navigates, 0x0C) - Vector3(0.01, 0.02, 0.03)).norm(), 1e-8);
+  EXPECT_EQ(valid(navigates), 3);
+  const Bytes aligns = ins.packet(aligning(sample));
+  EXPECT_EQ(three(aligns, 0x07), Vector3::Zero());
+  EXPECT_EQ(valid(aligns), 0);
+  EXPECT_EQ(valid(ins.packet(levelled(sample))), 0);
+  const Bytes of_truth = ins.packet(over_boulder());
+  EXPECT_EQ(three(of_truth, 0x07), Vector3::Zero());
+  EXPECT_GT(three(of_truth, 0x0C).minCoeff(), 0);
+  EXPECT_EQ(valid(of_truth), 3);
+}
+
+// Returns source, type and indicator of each aid.
+std::vector<std::array<int, 3>> aids_in(const Bytes& packet) {
+  std::vector<std::array<int, 3>> all;
+  for (std::size_t at = 4; at + 2 < packet.size() - 2; at += packet[at])
+    if (packet[at + 1] == 0x46) all.push_back({packet[at + 6], packet[at + 7], packet[at + 8]});
+  return all;
+}
+using Aids = std::vector<std::array<int, 3>>;
+
+TEST(MipSolution, AidsThatAreUsedOrRejected) {
+  const Sample known = over_boulder();
+  FilterUnit gq7("3dm-gq7", {0x46});
+  const int enabled = 1, used = 3, rejected = 5;
+  Sample sample = aided(known);
+  sample.solution->used = aid::position | aid::velocity | aid::pressure;
+  sample.solution->rejected = aid::antennas_heading;
+  const Bytes packet = gq7.packet(sample);
+  EXPECT_EQ(aids_in(packet), (Aids{{1, 1, used}, {2, 1, used}, {0, 2, rejected}, {0, 4, used}, {0, 5, enabled}}));
+  EXPECT_NEAR(number(field(packet, 0x46), 0), 277'585.25, 0.05) << "s of the week";
+  sample = coasting(known, 5);
+  sample.solution->used = aid::magnetic_heading;
+  EXPECT_EQ(aids_in(gq7.packet(sample)),
+            (Aids{{1, 1, enabled}, {2, 1, enabled}, {0, 2, enabled}, {0, 4, enabled}, {0, 5, used}}));
+  FilterUnit cv7("3dm-cv7-ins", {0x46});
+  EXPECT_EQ(aids_in(cv7.packet(known)), (Aids{{1, 34, used}, {1, 41, used}, {0, 4, enabled}, {0, 5, enabled}}));
+  sample = aided(known);
+  sample.solution->used = aid::position;
+  sample.solution->rejected = aid::velocity;
+  EXPECT_EQ(aids_in(cv7.packet(sample)), (Aids{{1, 34, used}, {1, 41, rejected}, {0, 4, enabled}, {0, 5, enabled}}));
 }
 
 // u-blox ZED-F9P interface description, CFG-TP: the pulse of a receiver that has lost its time has a setting of its
