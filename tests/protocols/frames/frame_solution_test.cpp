@@ -1,0 +1,177 @@
+// The status words of the shipped descriptions while the unit's own filter aligns, is aided, coasts, and is aided
+// again, by the numbers of the documents that the descriptions name.
+#include <gtest/gtest.h>
+
+#include <cstddef>
+#include <string>
+#include <vector>
+
+#include "core/units.hpp"
+#include "tests/protocols/frames/frame_unit.hpp"
+#include "tests/protocols/solution_phases.hpp"
+
+namespace imud {
+namespace {
+
+Sample over_jena() {
+  Sample sample;
+  sample.specific_force = {0, 0, -9.8};
+  sample.navigation = {.is_known = true,
+                       .satellites = 9,
+                       .gps_ns = 1'440'000'001'000'000'000,
+                       .latitude = 50.9 * units::degree,
+                       .longitude = 11.6 * units::degree,
+                       .height = 200,
+                       .v_L = {3, 4, 0}};
+  return sample;
+}
+constexpr PhaseSigmas drifted = {.tilt_deg = 0.4, .heading_deg = 1.5, .velocity = 0.2, .position = 30};
+
+std::vector<Sample> phases(const Sample& known) {
+  return {known, aligning(known, false), aligning(known), aided(known), coasting(known, 30, drifted), aided(known)};
+}
+
+std::vector<unsigned> first_frames(std::string_view product, const Sample& sample) {
+  Line line(protocol_named("frame"), frame_settings(read_frames(std::string(product))));
+  std::vector<unsigned> bytes;
+  for (const std::byte byte : bytes_of(line, sample)) bytes.push_back(std::to_integer<unsigned>(byte));
+  return bytes;
+}
+// The byte at that place in each phase; behind `more` bytes.
+std::vector<unsigned> byte_at(std::string_view product, std::size_t at) {
+  std::vector<unsigned> all;
+  for (const Sample& sample : phases(over_jena())) all.push_back(first_frames(product, sample).at(at));
+  return all;
+}
+unsigned big_endian(const std::vector<unsigned>& frame, std::size_t at, std::size_t bytes = 4) {
+  unsigned number = 0;
+  for (std::size_t i = at; i < at + bytes; ++i) number = number << 8 | frame.at(i);
+  return number;
+}
+
+// The words of the sentence that begins so, in each phase.
+std::vector<std::vector<std::string>> sentences(std::string_view product, const std::string& begin) {
+  std::vector<std::vector<std::string>> all;
+  for (const Sample& sample : phases(over_jena())) {
+    std::string text;
+    for (const unsigned byte : first_frames(product, sample)) text += static_cast<char>(byte);
+    const std::size_t at = text.find(begin);
+    std::vector<std::string> words = {""};
+    for (std::size_t i = at; i < text.size() && text[i] != '*'; ++i)
+      if (text[i] == ',')
+        words.emplace_back();
+      else
+        words.back() += text[i];
+    all.push_back(words);
+  }
+  return all;
+}
+std::vector<std::string> word(const std::vector<std::vector<std::string>>& of_phases, std::size_t index) {
+  std::vector<std::string> words;
+  for (const auto& one : of_phases) words.push_back(index < one.size() ? one[index] : "none");
+  return words;
+}
+
+using Numbers = std::vector<unsigned>;
+using Words = std::vector<std::string>;
+
+TEST(SolutionStatus, OfNmea) {
+  const auto gga = sentences("nmea", "$GPGGA"), rmc = sentences("nmea", "$GPRMC"), vtg = sentences("nmea", "$GPVTG");
+  EXPECT_EQ(word(gga, 6), (Words{"1", "0", "0", "1", "6", "1"})) << "6: dead reckoning";
+  EXPECT_EQ(word(gga, 7), (Words{"09", "00", "09", "09", "00", "09"}));
+  EXPECT_EQ(word(rmc, 2), (Words{"A", "V", "V", "A", "A", "A"}));
+  EXPECT_EQ(word(rmc, 12), (Words{"A", "N", "N", "A", "E", "A"}));
+  EXPECT_EQ(word(vtg, 9), (Words{"A", "N", "N", "A", "E", "A"}));
+  const std::string time = gga[0][1];
+  EXPECT_EQ(word(gga, 1), (Words{time, "", time, time, time, time})) << "the receiver's while the filter aligns";
+  EXPECT_EQ(gga[2][2], "") << "no latitude";
+}
+
+TEST(SolutionStatus, OfNmeaAttitude) {
+  const auto pashr = sentences("nmea-attitude", "$PASHR");
+  EXPECT_EQ(word(pashr, 10), (Words{"1", "0", "0", "1", "1", "1"})) << "1: a position";
+  EXPECT_EQ(word(pashr, 7), (Words{"0.101", "180.000", "180.000", "0.200", "0.400", "0.200"})) << "roll";
+  EXPECT_EQ(word(pashr, 9), (Words{"0.267", "180.000", "180.000", "0.800", "1.500", "0.800"})) << "heading";
+}
+
+TEST(SolutionStatus, OfTss1) { EXPECT_EQ(byte_at("tss1", 13), (Numbers{'H', 'h', 'h', 'F', 'H', 'F'})); }
+
+TEST(SolutionStatus, OfApplanix) {
+  EXPECT_EQ(byte_at("applanix-gsof", 15), (Numbers{4, 1, 1, 4, 4, 4})) << "coarse leveling, full navigation";
+  EXPECT_EQ(byte_at("applanix-gsof", 16), (Numbers{1, 0, 0, 1, 6, 1})) << "6: dead reckoning";
+  std::vector<unsigned> weeks;
+  for (const Sample& sample : phases(over_jena()))
+    weeks.push_back(big_endian(first_frames("applanix-gsof", sample), 9, 2));
+  EXPECT_EQ(weeks, (Numbers{2380, 0, 2380, 2380, 2380, 2380}));
+}
+
+TEST(SolutionStatus, OfNcom) {
+  EXPECT_EQ(byte_at("ncom", 21), (Numbers{4, 2, 2, 4, 4, 4})) << "ready to initialise, real time";
+  EXPECT_EQ(byte_at("ncom", 67), (Numbers{12, 0, 9, 9, 0, 9})) << "satellites";
+  for (const std::size_t mode : {68U, 69U, 70U})
+    EXPECT_EQ(byte_at("ncom", mode), (Numbers{5, 0, 5, 5, 0, 5})) << "0: the receiver cannot measure";
+}
+
+TEST(SolutionStatus, OfInertialLabs) {
+  const std::size_t end = first_frames("inertiallabs-ins", over_jena()).size();
+  EXPECT_EQ(byte_at("inertiallabs-ins", end - 3), (Numbers{0, 3, 3, 0, 4, 0})) << "no heading yet, autonomous";
+  // The accuracies follow the place, of which the last four bytes are the height in cm.
+  const std::size_t at = 111;
+  EXPECT_EQ(byte_at("inertiallabs-ins", at), (Numbers{10, 255, 255, 100, 200, 100})) << "of the velocity, mm/s";
+  EXPECT_EQ(byte_at("inertiallabs-ins", at + 3 + 6 + 2), (Numbers{2, 0, 2, 2, 0, 2})) << "fix";
+  EXPECT_EQ(byte_at("inertiallabs-ins", at + 3 + 6 + 2 + 2), (Numbers{12, 0, 9, 9, 0, 9})) << "satellites";
+}
+
+TEST(SolutionStatus, OfSensAItion) {
+  const std::size_t ins = 39 + 19;
+  EXPECT_EQ(byte_at("sensaition-ins", ins + 3), (Numbers{12, 0, 9, 9, 0, 9})) << "satellites";
+  EXPECT_EQ(byte_at("sensaition-ins", ins + 35), (Numbers{1, 0, 0, 1, 1, 1})) << "aligned";
+  EXPECT_EQ(byte_at("sensaition-ins", ins + 41), (Numbers{3, 0, 3, 3, 0, 3})) << "fix";
+  std::vector<unsigned> accuracies;
+  for (const Sample& sample : phases(over_jena()))
+    accuracies.push_back(big_endian(first_frames("sensaition-ins", sample), ins + 47));
+  const unsigned unknown = ~0U;  // beyond the field
+  EXPECT_EQ(accuracies, (Numbers{1000, unknown, unknown, 1000, 30'000, 1000})) << "of the latitude, mm";
+}
+
+// The bytes from there on.
+std::vector<unsigned> part(std::string_view product, const Sample& sample, std::size_t at, std::size_t size) {
+  const std::vector<unsigned> frame = first_frames(product, sample);
+  if (frame.size() < at + size) return {};
+  const auto begin = frame.begin() + static_cast<std::ptrdiff_t>(at);
+  return {begin, begin + static_cast<std::ptrdiff_t>(size)};
+}
+
+// A receiver with a fix and a place of 0, 0 would contradict each other.
+TEST(SolutionStatus, ThePlaceIsTheReceiversWhileTheFilterAligns) {
+  struct Place {
+    std::string_view product;
+    std::size_t at, size;  // of latitude, longitude, and what follows of height and velocity
+  };
+  const Sample known = over_jena();
+  for (const auto& [product, at, size] :
+       {Place{"applanix-gsof", 17, 40}, Place{"ncom", 23, 29}, Place{"inertiallabs-ins", 87, 24},
+        Place{"sensaition-ins", 39 + 19 + 11, 24}, Place{"stdbin-ins", 45, 16}}) {
+    const std::vector<unsigned> of_truth = part(product, known, at, size), none(size, 0);
+    EXPECT_EQ(of_truth.size(), size) << product;
+    EXPECT_NE(of_truth, none) << product;
+    EXPECT_EQ(part(product, aligning(known), at, size), of_truth) << product;
+    EXPECT_EQ(part(product, aligning(known, false), at, size), none) << product << ", without a fix";
+  }
+}
+
+TEST(SolutionStatus, OfXsens) {
+  const auto status_word = [](const Sample& sample) { return big_endian(first_frames("xsens-mtdata2", sample), 49); };
+  std::vector<unsigned> words;
+  for (const Sample& sample : phases(over_jena())) words.push_back(status_word(sample));
+  const unsigned valid = 2, fix = 4, mode_coasting = 1U << 23, mode_gnss = 3U << 23;
+  EXPECT_EQ(words, (Numbers{valid, 0, fix, valid | fix | mode_gnss, valid | mode_coasting, valid | fix | mode_gnss}));
+  // An attitude alone, beside a place that is the truth's, or without any: it does not coast.
+  Sample levelled = navigating(over_jena(), Solution::State::levelled, {});
+  EXPECT_EQ(status_word(levelled), valid);
+  levelled.navigation = {};
+  EXPECT_EQ(status_word(levelled), valid);
+}
+
+}  // namespace
+}  // namespace imud
