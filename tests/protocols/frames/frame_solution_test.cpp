@@ -2,6 +2,7 @@
 // again, by the numbers of the documents that the descriptions name.
 #include <gtest/gtest.h>
 
+#include <bit>
 #include <cstddef>
 #include <string>
 #include <vector>
@@ -158,6 +159,56 @@ TEST(SolutionStatus, ThePlaceIsTheReceiversWhileTheFilterAligns) {
     EXPECT_EQ(part(product, aligning(known), at, size), of_truth) << product;
     EXPECT_EQ(part(product, aligning(known, false), at, size), none) << product << ", without a fix";
   }
+}
+
+// The frames of a message that is not sent as delivered, in each phase.
+std::vector<std::vector<unsigned>> message_in_phases(std::string_view product, std::string_view message,
+                                                     const std::vector<Sample>& samples) {
+  std::vector<std::vector<unsigned>> all;
+  for (const FrameMessage& one : frame_messages(*read_frames(std::string(product)))) {
+    if (one.name != message) continue;
+    for (const Sample& sample : samples) {
+      std::vector<double> carried(one.layout->carries());
+      std::vector<std::byte> bytes(one.layout->longest());
+      one.layout->encode({sample}, {}, carried, bytes);
+      std::vector<unsigned>& numbers = all.emplace_back();
+      for (const std::byte byte : bytes) numbers.push_back(std::to_integer<unsigned>(byte));
+    }
+  }
+  return all;
+}
+unsigned little_endian(const std::vector<unsigned>& frame, std::size_t at, std::size_t bytes) {
+  unsigned number = 0;
+  for (std::size_t i = at + bytes; i > at; --i) number = number << 8 | frame.at(i - 1);
+  return number;
+}
+
+TEST(SolutionStatus, OfAdvancedNavigation) {
+  std::vector<Sample> samples = phases(over_jena());
+  Sample levelled = navigating(over_jena(), Solution::State::levelled, {});
+  levelled.navigation = {};
+  samples.push_back(levelled);
+  const unsigned orientation = 1, navigation = 2, heading = 4, utc = 8, fix_3d = 0x20, receiver = 0x200;
+  const unsigned fixed = orientation | navigation | heading | utc | fix_3d | receiver;
+  const Numbers wanted = {fixed,           receiver, utc | fix_3d | receiver,         fixed,
+                          fixed & ~fix_3d, fixed,    orientation | heading | receiver};
+  const std::size_t data = 5;
+  Numbers of_20, of_23;
+  for (const auto& frame : message_in_phases("anpp", "20", samples))
+    of_20.push_back(little_endian(frame, data + 2, 2));
+  for (const auto& frame : message_in_phases("anpp", "23", samples))
+    of_23.push_back(little_endian(frame, data + 2, 2));
+  EXPECT_EQ(of_20, wanted);
+  EXPECT_EQ(of_23, wanted);
+  const auto first = [&](const char* message, std::size_t at, const Sample& sample) {
+    return std::bit_cast<float>(little_endian(message_in_phases("anpp", message, {sample}).at(0), data + at, 4));
+  };
+  const Sample drifts = coasting(over_jena(), 30, drifted);
+  EXPECT_EQ(first("20", 88, drifts), 30) << "m north";
+  EXPECT_EQ(first("24", 8, drifts), 30) << "m down";
+  EXPECT_EQ(first("25", 0, drifts), 0.2F) << "m/s north";
+  EXPECT_NEAR(first("26", 8, drifts), 1.5 * units::degree, 1e-7) << "rad of heading";
+  EXPECT_EQ(first("24", 0, aligning(over_jena())), 2e7F) << "anywhere";
 }
 
 TEST(SolutionStatus, OfXsens) {

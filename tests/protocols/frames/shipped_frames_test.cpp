@@ -130,6 +130,7 @@ TEST(ShippedFrames, SettingsSelectFurtherMessages) {
   for (const auto& [name, setting, size, selected] :
        {std::tuple{"hg4930", "INERTIAL_STATUS=version", 5 * 20 + 44, 5 * 20 + 44},
         {"hg4930", "CONTROL_STATUS=version", 5 * 20 + 44, 5 * 20 + 44},
+        {"anpp", "SYSTEM_STATE_HZ=1", 6 * 53, 6 * 53 + 105},
         {"um7", "GYRO_ALONE=on", 6 * (55 + 19 + 27) + 51, 6 * (55 + 19 + 27 + 19) + 51}}) {
     Settings settings = frame_settings(read_frames(name));
     Line delivered(protocol_named("frame"), settings);
