@@ -179,6 +179,8 @@ double angle_deviation(const Reading& r) noexcept {
   if (!r.sample.solution) return 0;
   return roll_pitch_yaw_deviations(r.sample.q_LP, r.sample.solution->attitude.cast<double>())[Angle];
 }
+// While it aligns or has no place, a status has none to judge by.
+double heading_deviation(const Reading& r) noexcept { return navigates(r) != 0 ? attitude_deviation<2>(r) : 0; }
 // While there is no place, its deviation is as if the unit were anywhere on the Earth, at any orbital speed.
 template <Eigen::Vector3f Solution::*Member, int Axis>
 double deviation(const Reading& r) noexcept {
@@ -340,6 +342,8 @@ constexpr MeasuredQuantity quantities[] = {
     anywhere("roll_sigma", "of roll, pitch and yaw, by these", key_units::angle, angle_deviation<0>),
     anywhere("pitch_sigma", "", key_units::angle, angle_deviation<1>),
     anywhere("yaw_sigma", "", key_units::angle, angle_deviation<2>),
+    anywhere("navigation_heading_sigma", "of the heading while it is coasting or aided, else 0", key_units::angle,
+             heading_deviation),
     anywhere("velocity_sigma_north", "", key_units::speed, deviation<&Solution::velocity, 0>),
     anywhere("velocity_sigma_east", "", key_units::speed, deviation<&Solution::velocity, 1>),
     anywhere("velocity_sigma_down", "", key_units::speed, deviation<&Solution::velocity, 2>),

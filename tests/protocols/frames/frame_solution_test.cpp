@@ -211,6 +211,20 @@ TEST(SolutionStatus, OfAdvancedNavigation) {
   EXPECT_EQ(first("24", 0, aligning(over_jena())), 2e7F) << "anywhere";
 }
 
+TEST(SolutionStatus, OfNovAtel) {
+  std::vector<Sample> samples = phases(over_jena());
+  samples.push_back(coasting(over_jena(), 60, {.heading_deg = 1.99}));
+  samples.push_back(coasting(over_jena(), 90, {.heading_deg = 2.01}));
+  const unsigned is_aligning = 1, high_variance = 2, good = 3;
+  Numbers words;
+  for (const auto& frame : message_in_phases("novatel-raw", "INSPVAS", samples))
+    words.push_back(little_endian(frame, 12 + 84, 4));
+  EXPECT_EQ(words, (Numbers{good, is_aligning, is_aligning, good, good, good, good, high_variance}));
+  Sample levelled = navigating(over_jena(), Solution::State::levelled, {});
+  levelled.navigation = {};
+  EXPECT_EQ(little_endian(message_in_phases("novatel-raw", "INSPVAS", {levelled}).at(0), 12 + 84, 4), is_aligning);
+}
+
 TEST(SolutionStatus, OfXsens) {
   const auto status_word = [](const Sample& sample) { return big_endian(first_frames("xsens-mtdata2", sample), 49); };
   std::vector<unsigned> words;
