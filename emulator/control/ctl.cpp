@@ -4,7 +4,6 @@
 #include <sys/socket.h>
 
 #include <CLI/CLI.hpp>
-#include <array>
 #include <boost/asio/ip/tcp.hpp>
 #include <cerrno>
 #include <csignal>
@@ -14,6 +13,7 @@
 #include <optional>
 
 #include "emulator/control/json_rpc.hpp"
+#include "emulator/control/line_connection.hpp"
 #include "emulator/control/socket_path.hpp"
 #include "emulator/control/token.hpp"
 #include "emulator/ground/tcp_address.hpp"
@@ -21,68 +21,9 @@
 namespace imud {
 namespace {
 
-// A connection that sends and receives lines.
-class ReceivedLines {
- public:
-  explicit ReceivedLines(FileDescriptor socket) : socket_(std::move(socket)) {}
-  explicit operator bool() const { return static_cast<bool>(socket_); }
-
-  bool send(std::string line) {
-    line += '\n';
-    for (std::size_t sent = 0; sent < line.size();) {
-      const ssize_t n = ::send(socket_.get(), line.data() + sent, line.size() - sent, MSG_NOSIGNAL);
-      if (n < 0 && errno == EINTR) continue;
-      if (n <= 0) return false;
-      sent += static_cast<std::size_t>(n);
-    }
-    return true;
-  }
-  std::optional<std::string> receive() {
-    for (;;) {
-      if (const std::size_t end = waiting_.find('\n'); end != waiting_.npos) {
-        std::string line = waiting_.substr(0, end);
-        waiting_.erase(0, end + 1);
-        return line;
-      }
-      std::array<char, 16 * 1024> bytes;
-      const ssize_t n = ::recv(socket_.get(), bytes.data(), bytes.size(), 0);
-      if (n < 0 && errno == EINTR) continue;
-      if (n <= 0) return std::nullopt;
-      waiting_.append(bytes.data(), static_cast<std::size_t>(n));
-    }
-  }
-
- private:
-  FileDescriptor socket_;
-  std::string waiting_;
-};
-
 int fail(std::string_view what, int exit_code = 1) {
   fmt::print(stderr, "imud: {}\n", what);
   return exit_code;
-}
-
-std::string names_of(const std::vector<Instance>& all) {
-  std::string names;
-  for (const Instance& one : all) names += (names.empty() ? "" : ", ") + one.name;
-  return names;
-}
-
-// Returns words for people: why no running instance is meant.
-std::string none_text(const Instances& found, const std::string& name) {
-  for (const Instance& one : found.killed)
-    if (one.name == name)
-      return fmt::format("{} does not run: it was killed, and has left {}, which the next run removes", name,
-                         one.path);
-  if (found.running.empty()) {
-    std::string text =
-        "no imud of this user runs that can be controlled: start one by imud run, without [control] socket = "
-        "\"none\"";
-    if (!found.killed.empty()) text += fmt::format("; killed were: {}", names_of(found.killed));
-    return text;
-  }
-  if (name.empty()) return fmt::format("several run; choose one by --name: {}", names_of(found.running));
-  return fmt::format("there is no {}; those that run: {}", name, names_of(found.running));
 }
 
 // Returns words for people: why a connection to that socket has failed.
@@ -93,6 +34,8 @@ std::string failure_text(const std::string& path, int error) {
     case ECONNREFUSED:
       return fmt::format("{}: no imud listens there any more: it was killed, and its next run replaces the socket",
                          path);
+    case EAGAIN:
+      return fmt::format("{}: that imud answers no connections: its process is stopped or too busy", path);
     case EACCES:
       return fmt::format("{}: no permission: that imud belongs to another user", path);
     default:
@@ -101,7 +44,7 @@ std::string failure_text(const std::string& path, int error) {
 }
 
 // Returns a connection, or prints why there is none.
-ReceivedLines connect_by_socket(const CtlOptions& options) {
+LineConnection connect_by_socket(const CtlOptions& options) {
   std::string path = options.socket;
   if (path.empty()) {
     const Instances found = find_instances();
@@ -109,30 +52,30 @@ ReceivedLines connect_by_socket(const CtlOptions& options) {
       if (options.name.empty() ? found.running.size() == 1 : one.name == options.name) path = one.path;
     if (path.empty()) {
       fail(none_text(found, options.name));
-      return ReceivedLines(FileDescriptor());
+      return LineConnection();
     }
   }
   FileDescriptor socket = connect_to_socket(path);
   if (!socket) fail(failure_text(path, errno));
-  return ReceivedLines(std::move(socket));
+  return LineConnection(std::move(socket));
 }
 
 // The same by TCP, after the token. `address` has the form ADDRESS:PORT.
-ReceivedLines connect_by_tcp(const TcpAddress& address, const std::string& secret) {
+LineConnection connect_by_tcp(const TcpAddress& address, const std::string& secret) {
   const boost::asio::ip::tcp::endpoint to(boost::asio::ip::make_address(address.address), address.port);
   const std::string name = fmt::format("{}, port {}", address.address, address.port);
   FileDescriptor socket(::socket(to.protocol().family(), SOCK_STREAM | SOCK_CLOEXEC, 0));
   if (!socket || ::connect(socket.get(), to.data(), static_cast<socklen_t>(to.size())) != 0) {
     fail(fmt::format("{}: {}; does an imud run with that [control] listen?", name, std::strerror(errno)));
-    return ReceivedLines(FileDescriptor());
+    return LineConnection();
   }
-  ReceivedLines lines(std::move(socket));
+  LineConnection lines(std::move(socket));
   const Json request = {{"jsonrpc", "2.0"}, {"method", "authenticate"}, {"params", {{"token", secret}}}, {"id", 0}};
   const auto answer = lines.send(json_line(request)) ? lines.receive() : std::nullopt;
   const Json response = answer ? Json::parse(*answer, nullptr, false) : Json();
   if (response.is_object() && response.contains("result")) return lines;
   fail(fmt::format("{}: {}", name, response.is_object() ? "the token is not that of the run" : "no imud answers"));
-  return ReceivedLines(FileDescriptor());
+  return LineConnection();
 }
 
 int list_instances(bool json) {
@@ -154,7 +97,7 @@ Json value_of(const std::string& text) {
   return value.is_discarded() ? Json(text) : value;
 }
 
-// ReceivedLines of words for an answer.
+// Returns lines of words for an answer.
 std::string words_of(const std::string& method, const Json& result) {
   std::string out;
   if (method == "status") {
@@ -240,7 +183,8 @@ int ctl(const CtlOptions& options) {
     if (!to || !to->is_loopback)
       return fail(fmt::format("{}: give a loopback address and a port, such as 127.0.0.1:7700", options.to), 2);
   }
-  ReceivedLines lines = to ? connect_by_tcp(*to, Token::read_secret(options.token_file)) : connect_by_socket(options);
+  LineConnection lines =
+      to ? connect_by_tcp(*to, Token::read_secret(options.token_file)) : connect_by_socket(options);
   if (!lines) return 1;
   Json request = {{"jsonrpc", "2.0"}, {"method", options.method}};
   if (!params.empty()) request["params"] = std::move(params);

@@ -5,6 +5,7 @@
 #include <sys/file.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
+#include <sys/time.h>
 #include <sys/un.h>
 
 #include <algorithm>
@@ -21,6 +22,7 @@
 namespace imud {
 namespace {
 
+constexpr const char* service_folder = "/run/imud";  // of imud@.service
 constexpr std::string_view prefix = "imud-", suffix = ".sock";
 
 std::optional<sockaddr_un> address_of(const std::string& path) {
@@ -76,6 +78,12 @@ void remove_stale(const std::string& folder) {
     if (is_socket(one.path) && !connect_to_socket(one.path) && errno == ECONNREFUSED) ::unlink(one.path.c_str());
 }
 
+std::string names_text(const std::vector<Instance>& all) {
+  std::string names;
+  for (const Instance& one : all) names += (names.empty() ? "" : ", ") + one.name;
+  return names;
+}
+
 }  // namespace
 
 std::vector<std::string> socket_folders() {
@@ -86,7 +94,7 @@ std::vector<std::string> socket_folders() {
     if (!all.empty()) folders.emplace_back(all.substr(0, all.find(':')));
   }
   if (const char* user = std::getenv("XDG_RUNTIME_DIR"); user != nullptr && *user == '/') folders.emplace_back(user);
-  if (::geteuid() == 0) folders.emplace_back("/run/imud");
+  if (::geteuid() == 0) folders.emplace_back(service_folder);
   folders.push_back(fmt::format("/tmp/imud-{}", ::geteuid()));
   return folders;
 }
@@ -102,8 +110,12 @@ FileDescriptor connect_to_socket(const std::string& path) {
     return {};
   }
   FileDescriptor socket(::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0));
+  // This limits connect(), too (unix_stream_connect() of the kernel): a stopped process accepts nothing.
+  const timeval longest{.tv_sec = 1, .tv_usec = 0}, none{};
+  if (socket) ::setsockopt(socket.get(), SOL_SOCKET, SO_SNDTIMEO, &longest, sizeof longest);
   if (!socket || ::connect(socket.get(), reinterpret_cast<const sockaddr*>(&*address), sizeof *address) != 0)
     return {};
+  ::setsockopt(socket.get(), SOL_SOCKET, SO_SNDTIMEO, &none, sizeof none);
   return socket;
 }
 
@@ -167,16 +179,35 @@ int ControlSocketFile::release() noexcept {
 Instances find_instances() {
   Instances found;
   std::set<std::string> folders;
-  for (const std::string& folder : socket_folders()) {
+  std::vector<std::string> all = socket_folders();
+  all.push_back(service_folder);
+  for (const std::string& folder : all) {
     // In /tmp another user may have made it; the user of a service may own one in /run.
     if ((!folder.starts_with("/run/") && !is_own_folder(folder)) || !folders.insert(folder).second) continue;
     for (Instance& one : sockets_in(folder)) {
-      const bool runs = static_cast<bool>(connect_to_socket(one.path));
-      if (!runs && errno != ECONNREFUSED) continue;
-      (runs ? found.running : found.killed).push_back(std::move(one));
+      const int error = connect_to_socket(one.path) ? 0 : errno;
+      if (error != 0 && error != EAGAIN && error != ECONNREFUSED && error != EACCES) continue;
+      auto& kind = error == ECONNREFUSED ? found.killed : error == EACCES ? found.foreign : found.running;
+      kind.push_back(std::move(one));
     }
   }
   return found;
+}
+
+std::string none_text(const Instances& found, const std::string& name) {
+  for (const Instance& one : found.killed)
+    if (one.name == name)
+      return fmt::format("{} does not run: it was killed, and has left {}, which the next run removes", name,
+                         one.path);
+  if (found.running.empty()) {
+    std::string text =
+        "no imud of this user runs that can be controlled: start one by imud run, without [control] socket = "
+        "\"none\"";
+    if (!found.killed.empty()) text += fmt::format("; killed were: {}", names_text(found.killed));
+    return text;
+  }
+  if (name.empty()) return fmt::format("several run; choose one by --name: {}", names_text(found.running));
+  return fmt::format("there is no {}; those that run: {}", name, names_text(found.running));
 }
 
 }  // namespace imud

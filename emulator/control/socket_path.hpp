@@ -45,16 +45,20 @@ class ControlSocketFile {
   ino_t inode_ = 0;
 };
 
-// Connects to a socket. Returns an empty descriptor, with errno, if nobody listens.
+// Connects to a socket. Returns an empty descriptor, with errno, if nobody listens; EAGAIN: a process listens, but
+// has accepted no connection for a second while as many as it permits wait.
 FileDescriptor connect_to_socket(const std::string& path);
 
 struct Instance {
   std::string name, path;
 };
-// The instances in socket_folders(): running ones, whose sockets accept connections, and killed ones.
+// The instances in socket_folders() and /run/imud: running ones, to whose sockets a process listens, killed ones, and
+// sockets of another user, whose processes may run or not.
 struct Instances {
-  std::vector<Instance> running, killed;
+  std::vector<Instance> running, killed, foreign;
 };
 Instances find_instances();
+// Returns words for people: why no running instance is meant by `name`, or, if that is empty, by no name.
+std::string none_text(const Instances& found, const std::string& name);
 
 }  // namespace imud

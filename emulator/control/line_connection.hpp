@@ -1,0 +1,34 @@
+// LineConnection: a client's connection to the control protocol of a run.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <utility>
+
+#include "transports/file_descriptor.hpp"
+#include "transports/host_clock.hpp"
+
+namespace imud {
+
+// Sends and receives lines over a stream socket. One thread.
+class LineConnection {
+ public:
+  LineConnection() = default;
+  explicit LineConnection(FileDescriptor socket) : socket_(std::move(socket)) {}
+
+  // False: there is no socket, or the connection has ended.
+  explicit operator bool() const noexcept { return static_cast<bool>(socket_); }
+  int descriptor() const noexcept { return socket_.get(); }
+
+  // Sends the text and a line feed. Returns false, and closes the socket, if the connection has ended.
+  bool send(std::string line);
+  // Waits for the next line and returns it without its line feed, until `until` if that is given. Returns nullopt if
+  // none has come, or if the connection has ended, which closes the socket.
+  std::optional<std::string> receive(std::optional<HostTime> until = {});
+
+ private:
+  FileDescriptor socket_;
+  std::string waiting_;
+};
+
+}  // namespace imud
