@@ -1,5 +1,6 @@
 #include "emulator/control/control_api.hpp"
 
+#include <fmt/chrono.h>
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>
 #include <unistd.h>
@@ -28,6 +29,24 @@ std::string samples_text(const Json& applied) {
     out += fmt::format("{}{} from sample {}", out.empty() ? "" : ", ", one["imu"].get<std::string>(),
                        one["sample"].get<std::uint64_t>());
   return out;
+}
+
+std::string_view word_of_state(PortState state) noexcept {
+  switch (state) {
+    case PortState::ready:
+      return "ready";
+    case PortState::no_reader:
+      return "no_reader";
+    case PortState::wrong_speed:
+      return "wrong_speed";
+    case PortState::error_warning:
+      return "error_warning";
+    case PortState::error_passive:
+      return "error_passive";
+    case PortState::lost:
+      return "lost";
+  }
+  return "";
 }
 
 bool concerns(const Change& change, std::uint16_t imu) {
@@ -312,13 +331,19 @@ Json ControlApi::status() const {
                     {"port", imu.port},
                     {"rate_hz", imu.rate_hz},
                     {"samples", counters.samples.load(std::memory_order_relaxed)},
+                    {"port_state", word_of_state(counters.port_state.load(std::memory_order_relaxed))},
                     {"power", counters.has_power.load(std::memory_order_relaxed) ? "on" : "off"},
                     {"paused", counters.is_paused.load(std::memory_order_relaxed)}});
   }
+  const Run::Clients clients = run_.clients();
   return {{"api", version},
           {"version", IMUD_VERSION},
           {"name", run_.name},
           {"pid", ::getpid()},
+          {"started",
+           fmt::format("{:%Y-%m-%dT%H:%M:%SZ}", fmt::gmtime(std::chrono::floor<std::chrono::seconds>(started_)))},
+          {"config", run_.config_file},
+          {"clients", {{"control", clients.control}, {"web", clients.web}}},
           {"clock", word_of(clock_words, run_.config.clock)},
           {"seed", run_.config.seed},
           {"config_sha256", run_.config.sha256},

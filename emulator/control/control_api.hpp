@@ -3,6 +3,7 @@
 
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/steady_timer.hpp>
+#include <chrono>
 #include <cstdint>
 #include <functional>
 #include <map>
@@ -40,7 +41,12 @@ class ControlApi {
     std::function<void()> quit;  // ends the run; may be called again
     FaultBook& faults;
     Reloader& reloader;
-    bool is_repeated = false;  // from its record, so that nothing can be changed
+    bool is_repeated = false;      // from its record, so that nothing can be changed
+    std::string config_file = {};  // absolute; "-": standard input
+    struct Clients {
+      std::size_t control = 0, web = 0;  // connections
+    };
+    std::function<Clients()> clients = [] { return Clients(); };
   };
   ControlApi(boost::asio::io_context& io, Run run);
 
@@ -101,6 +107,7 @@ class ControlApi {
   static const Method* find_method(std::string_view name) noexcept;
 
   const Run run_;
+  const std::chrono::system_clock::time_point started_ = std::chrono::system_clock::now();
   boost::asio::steady_timer timer_;
   bool is_ticking_ = false;
   HostTime distributed_;  // when subscribers were notified last

@@ -4,6 +4,7 @@
 #include <spdlog/spdlog.h>
 #include <sys/socket.h>
 
+#include <algorithm>
 #include <array>
 #include <boost/asio/buffer.hpp>
 #include <boost/asio/ip/address.hpp>
@@ -227,6 +228,11 @@ ControlServer::~ControlServer() {
 
 std::optional<std::uint16_t> ControlServer::port() const {
   return tcp_ ? std::optional(tcp_->local_endpoint().port()) : std::nullopt;
+}
+
+std::size_t ControlServer::clients() const noexcept {
+  return static_cast<std::size_t>(
+      std::count_if(clients_.begin(), clients_.end(), [](const auto& client) { return !client.expired(); }));
 }
 
 void ControlServer::accept_local() {

@@ -38,6 +38,8 @@ class ControlServer {
   // The path of the socket; empty: there is none. The port of TCP; nullopt: it does not listen.
   std::string path() const { return socket_ ? socket_->path() : std::string(); }
   std::optional<std::uint16_t> port() const;
+  // Returns the number of connected clients; some may not have shown the token yet.
+  std::size_t clients() const noexcept;
 
   class Client;
 

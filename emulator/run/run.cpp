@@ -12,6 +12,7 @@
 #include <boost/asio/steady_timer.hpp>
 #include <csignal>
 #include <exception>
+#include <filesystem>
 #include <functional>
 #include <memory>
 #include <string_view>
@@ -233,7 +234,12 @@ int run(const Config& config, const RunOptions& options) {
     stopped_by = EndedBy::control;
     stop = true;
   };
-  ControlApi api(io, {instance, named, control, monitor, counters, quit, engine.faults(), reloader, options.repeats});
+  const auto clients = [&] {
+    return ControlApi::Run::Clients{server ? server->clients() : 0, web ? web->connections() : 0};
+  };
+  ControlApi api(
+      io, {instance, named, control, monitor, counters, quit, engine.faults(), reloader, options.repeats,
+           options.config_file == "-" ? "-" : std::filesystem::absolute(options.config_file).string(), clients});
   reload = [&api] { api.reload(); };
   server->start(api);
   if (web) {

@@ -59,6 +59,8 @@ class WebServer::Impl {
                        endpoint.port());
   }
 
+  std::size_t connections() const noexcept { return static_cast<std::size_t>(open_.use_count() - 1); }
+
   void serve(WebApi api, std::function<std::string(MetricsFormat)> metrics, ControlCounters& counters) {
     content_.api = std::move(api);
     content_.counters = &counters;
@@ -99,6 +101,7 @@ WebServer::WebServer(asio::io_context& io, const WebConfig& config) : impl_(std:
 WebServer::~WebServer() = default;
 
 std::string WebServer::address() const { return impl_->address(); }
+std::size_t WebServer::connections() const noexcept { return impl_->connections(); }
 
 void WebServer::serve(WebApi api, std::function<std::string(MetricsFormat)> metrics, ControlCounters& counters) {
   impl_->serve(std::move(api), std::move(metrics), counters);

@@ -33,6 +33,8 @@ class WebServer {
 
   // Returns "ADDR:PORT" with the port that the system has chosen.
   std::string address() const;
+  // Returns the number of open connections.
+  std::size_t connections() const noexcept;
   // Begins to answer. `metrics` returns the text of /metrics in the given format, which the request's Accept field
   // selects. `counters` must outlive the handlers of the io_context.
   void serve(WebApi api, std::function<std::string(MetricsFormat)> metrics, ControlCounters& counters);
