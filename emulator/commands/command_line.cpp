@@ -10,6 +10,7 @@
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <string_view>
@@ -24,9 +25,9 @@
 #include "emulator/commands/init.hpp"
 #include "emulator/commands/keep_ptys.hpp"
 #include "emulator/commands/list.hpp"
+#include "emulator/commands/run_commands.hpp"
 #include "emulator/commands/selftest.hpp"
 #include "emulator/config/load_config.hpp"
-#include "emulator/control/ctl.hpp"
 #include "emulator/ground/table_reader.hpp"
 #include "emulator/plan/config.hpp"
 #include "emulator/report/log.hpp"
@@ -301,8 +302,7 @@ int execute(int argc, const char* const* argv) {
   InitOptions init_options;
   const CLI::App* init_command = add_init_command(app, init_options);
 
-  CtlOptions ctl_options;
-  const CLI::App* ctl_command = add_ctl_command(app, ctl_options);
+  RunCommands run_commands(app);
 
   app.add_subcommand("help", "Show this text, that of a command, or what is known of a key or a word")
       ->add_option("TOPIC");
@@ -328,6 +328,7 @@ int execute(int argc, const char* const* argv) {
     for (const std::string& limits : arguments.limits)
       for (Requirement& limit : parse_requirements(limits)) arguments.run.required.push_back(std::move(limit));
     collect_outputs(arguments);
+    arguments.run.config_file = arguments.config;
     arguments.run.record.max_bytes = 1'000'000 * record_max_mb;
     if (arguments.run.record.file == "-" && record_max_mb > 0)
       throw OpenError("--record-max-mb: standard output is one file; give --record FILE");
@@ -346,7 +347,7 @@ int execute(int argc, const char* const* argv) {
     }
     if (demo_command->parsed()) return demo(demo_options);
     if (init_command->parsed()) return init(init_options);
-    if (ctl_command->parsed()) return ctl(ctl_options);
+    if (const std::optional<int> exit_code = run_commands.execute()) return *exit_code;
     if (pty_command->parsed()) return keep_ptys(links, background);
     if (selftest_command->parsed()) {
       const Config config =

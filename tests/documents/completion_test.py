@@ -132,7 +132,8 @@ class CompletionTest(unittest.TestCase):
             try:
                 for shell in (Bash(), Fish(), Zsh()):
                     # zsh completes a single one at once.
-                    self.assertIn("bench", shell.complete([["imud", "ctl", "--name", ""]])[0], shell)
+                    for line in (["imud", "ctl", "--name", ""], ["imud", "status", ""]):
+                        self.assertIn("bench", shell.complete([line])[0], (shell, line))
             finally:
                 ENVIRONMENT["PATH"] = path
 

@@ -80,6 +80,8 @@ class Completion:
                  "METHOD": ["methods"], "PARAMETER": ["keys"], "MOTION": ["motions"]}.get(name)
         if given:
             return given
+        if name == "NAME" and words in ("imud status", "imud top"):
+            return [RUNS]
         if name == "NAME":
             return ["names", "lists"] if words == "imud list" else ["names"]
         if value.startswith("PRESET"):

@@ -1,0 +1,20 @@
+#include "emulator/commands/run_commands.hpp"
+
+#include <CLI/CLI.hpp>
+
+namespace imud {
+
+RunCommands::RunCommands(CLI::App& app) : ctl_(add_ctl_command(app, ctl_options_)) {
+  CLI::App* status = app.add_subcommand("status", "Show what runs on this machine, since when, with its figures");
+  status->add_option("NAME", status_options_.name, "Only the run of this name ([control] name), or process number");
+  status->add_flag("--json", status_options_.json, "As JSON");
+  status_ = status;
+}
+
+std::optional<int> RunCommands::execute() const {
+  if (ctl_->parsed()) return ctl(ctl_options_);
+  if (status_->parsed()) return show_status(status_options_);
+  return std::nullopt;
+}
+
+}  // namespace imud

@@ -1,0 +1,24 @@
+// RunCommands: the commands that ask and change runs that go on: `ctl`, `status`.
+#pragma once
+
+#include <optional>
+
+#include "emulator/commands/status.hpp"
+#include "emulator/control/ctl.hpp"
+
+namespace imud {
+
+class RunCommands {
+ public:
+  // Adds the commands to the command line, which outlives this.
+  explicit RunCommands(CLI::App& app);
+  // Executes the command that was given, and returns its exit code; nullopt: another one was given.
+  std::optional<int> execute() const;
+
+ private:
+  CtlOptions ctl_options_;
+  StatusOptions status_options_;
+  const CLI::App *ctl_, *status_;
+};
+
+}  // namespace imud

@@ -1,0 +1,28 @@
+// The figures of a run as text, from the answers of the control protocol.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "emulator/control/json_rpc.hpp"
+
+namespace imud {
+
+// Returns the lines of a table whose columns are as wide as their widest text, two spaces apart. `left`: the columns
+// that begin at the left; the others end at the right. Each row has as many texts as the first.
+std::vector<std::string> table_lines(const std::vector<std::vector<std::string>>& rows,
+                                     const std::vector<std::size_t>& left);
+
+// Returns "0:03:05" for 185 s, "2 d 0:03:05" for two days more.
+std::string duration_text(double duration_s);
+
+// Returns the table of the imus: product, configured rate, figures and port. `status`: the answer to `status`.
+// `counters`: the figures to show, which have the layout of its member `counters`: of the whole run, or of an
+// interval.
+std::vector<std::string> imu_lines(const Json& status, const Json& counters);
+// Returns a line about the truth of these figures.
+std::string truth_line(const Json& counters);
+// Returns a line for each fault that acts.
+std::vector<std::string> fault_lines(const Json& status);
+
+}  // namespace imud
