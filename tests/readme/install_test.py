@@ -86,7 +86,7 @@ class InstallTest(unittest.TestCase):
             self.assertTrue(paths, made)
             expected |= {f"{installed}/{path}" for path in paths}
         expected |= {"share/doc/imud/copyright", "include/imud/lockstep_client.hpp", "include/imud/realtime_client.hpp", "etc/security/limits.d/imud.conf",
-                     "lib/systemd/system/imud@.service", "lib/sysusers.d/imud.conf", "lib/tmpfiles.d/imud.conf",
+                     "lib/systemd/system/imud@.service", "lib/systemd/user/imud@.service", "lib/sysusers.d/imud.conf", "lib/tmpfiles.d/imud.conf",
                      "lib/udev/rules.d/60-imud.rules"}
         found = [str(path.relative_to(self.prefix)) for path in self.prefix.rglob("*") if path.is_file() or path.is_symlink()]
         self.assertGreater(len(found), 150)

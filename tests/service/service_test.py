@@ -7,14 +7,18 @@ What a cgroup, a namespace or a capability does is not tested here: `tools/packa
 import ctypes
 import os
 import pathlib
+import random
 import re
+import select
 import shlex
 import signal
 import socket
 import subprocess
 import sys
 import tempfile
+import termios
 import time
+import tty
 import unittest
 
 BUILD, SOURCE = (pathlib.Path(argument).resolve() for argument in (sys.argv.pop(1), sys.argv.pop(1)))
@@ -145,6 +149,81 @@ class ServiceTest(unittest.TestCase):
         self.assertEqual(self.reload().returncode, 0)
         again.terminate()
         again.communicate()
+
+    def test_twenty_kills_at_random_moments(self):
+        """Each run after a kill is ready, and who reads the pty, which `imud pty` holds, goes on with the same descriptor."""
+        link = self.folder / "imu"
+        keeper = subprocess.Popen([BUILD / "imud", "pty", link], env=self.environment(), stdout=subprocess.PIPE, text=True)
+        self.addCleanup(lambda: (keeper.kill(), keeper.communicate()))
+        self.assertIn("is held", keeper.stdout.readline())
+        self.write(0.01)
+        path = self.folder / "etc/bench.toml"
+        path.write_text(path.read_text().replace("file:/dev/null", f"pty:{link}"))
+        reader = os.open(link, os.O_RDWR | os.O_NOCTTY)
+        self.addCleanup(os.close, reader)
+        tty.setraw(reader)
+        draw = random.Random(20)
+        longest_s = 0
+        for number in range(20):
+            begin = time.monotonic()
+            run = self.start()
+            # Each fourth is killed while it starts, wherever it is then.
+            if number % 4 == 3:
+                time.sleep(draw.uniform(0, 0.1))
+            else:
+                self.assertEqual(self.notification(), "READY=1")
+                longest_s = max(longest_s, time.monotonic() - begin)
+                termios.tcflush(reader, termios.TCIFLUSH)  # what came from the run before
+                self.assertTrue(select.select([reader], [], [], 60)[0])
+                self.assertGreater(len(os.read(reader, 4096)), 0)
+                time.sleep(draw.uniform(0, 0.2))
+            run.kill()
+            run.communicate()
+            # An exit code that is started again.
+            self.assertNotIn(str(run.returncode), setting("RestartPreventExitStatus").split())
+            self.assertEqual(self.hang_ups(reader), 0)
+            self.discard_notifications()
+        print(f"the longest start after a kill took {longest_s:.2f} s", file=sys.stderr)
+
+    def hang_ups(self, descriptor):
+        waiting = select.poll()
+        waiting.register(descriptor, 0)
+        return sum(event & (select.POLLHUP | select.POLLERR) for _, event in waiting.poll(0))
+
+    def discard_notifications(self):
+        while select.select([self.notified], [], [], 0)[0]:
+            self.notification()
+
+    def test_figures_go_on_in_a_new_file_after_rotation(self):
+        figures, rotated = self.folder / "bench.jsonl", self.folder / "bench.jsonl.1"
+        self.write(0.01)
+        run = self.start(options=["--quality", figures])
+        self.assertEqual(self.notification(), "READY=1")
+
+        def wait_for_figures():
+            while not figures.exists() or not figures.stat().st_size:
+                self.assertIsNone(run.poll())
+                time.sleep(0.05)
+
+        wait_for_figures()
+        figures.rename(rotated)
+        run.send_signal(signal.SIGHUP)
+        wait_for_figures()
+        size = rotated.stat().st_size
+        run.terminate()
+        run.communicate()
+        self.assertEqual(rotated.stat().st_size, size)
+        self.assertIn("kill --signal=HUP 'imud@*.service'", (SYSTEM / "logrotate.conf").read_text())
+        self.assertEqual(setting("StateDirectory"), "imud")
+
+    def test_the_unit_of_users_has_the_same_commands(self):
+        users = (SYSTEM / "imud-user@.service").read_text()
+        for name in ("Type", "ExecReload", "Restart", "WatchdogSec", "RestartPreventExitStatus"):
+            self.assertIn(f"\n{name}={setting(name)}\n", users)
+        self.assertIn("\nExecStart=" + setting("ExecStart").replace("/etc/", "%E/") + "\n", users)
+        # A manager of a user can neither change the user nor give rights.
+        self.assertNotRegex(users, r"(?m)^(User|Group|SupplementaryGroups|AmbientCapabilities|DevicePolicy|RuntimeDirectory)=")
+        self.assertIn("WantedBy=default.target", users)
 
     def pings(self, count):
         for _ in range(count):

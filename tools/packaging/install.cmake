@@ -67,6 +67,7 @@ install(FILES ${modules} DESTINATION ${IMUD_PYTHON_FOLDER}/imud COMPONENT python
 
 # The service imud@NAME, and what it needs of the system. Debian's package has limits.conf in /etc/security.
 install(FILES ${packaging}/system/imud@.service DESTINATION lib/systemd/system COMPONENT imud)
+install(FILES ${packaging}/system/imud-user@.service DESTINATION lib/systemd/user RENAME imud@.service COMPONENT imud)
 foreach(kind sysusers tmpfiles)
   install(FILES ${packaging}/system/${kind}.conf DESTINATION lib/${kind}.d RENAME imud.conf COMPONENT imud)
 endforeach()
