@@ -71,12 +71,19 @@ Machine inspect_machine(const std::string& root, bool spins, const std::vector<s
         "the hypervisor stops the whole machine at times, which nothing in it can prevent: measure on the "
         "bench's own computer");
   for (const std::string& device : serial) {
-    const std::string name = fs::path(device).filename();
+    // A name in /dev/serial is a link to the device.
+    const fs::path named = fs::canonical(root + device, error);
+    const std::string name = (error ? fs::path(device) : named).filename();
     const fs::path timer = fmt::format("{}/sys/class/tty/{}/device/latency_timer", root, name);
     const std::string ms = text_of(timer);
-    if (!ms.empty() && ms != "1")
-      machine.advice.push_back(
-          fmt::format("{} delays what it receives by up to {} ms: echo 1 | sudo tee {}", device, ms, timer.string()));
+    if (ms.empty()) continue;
+    machine.facts.push_back(fmt::format("latency timer of {}: {} ms", device, ms));
+    if (ms != "1")
+      machine.advice.push_back(fmt::format(
+          "{} is an adapter that withholds what it has received for up to {} ms, so that data arrive in batches: "
+          "echo 1 | sudo tee {}, or for good, in /etc/udev/rules.d/60-imud.rules: ACTION==\"add|change\", "
+          "SUBSYSTEM==\"usb-serial\", DRIVER==\"ftdi_sio\", ATTR{{latency_timer}}=\"1\"",
+          device, ms, timer.string()));
   }
   return machine;
 }

@@ -43,7 +43,16 @@ TEST_F(MachineTest, EachShortcomingHasItsAdvice) {
   EXPECT_TRUE(has(machine.advice, "PREEMPT_RT"));
   EXPECT_TRUE(has(machine.advice, "sched_rt_runtime_us=-1"));
   EXPECT_TRUE(has(machine.advice, "hypervisor"));
-  EXPECT_TRUE(has(machine.advice, "/dev/ttyUSB3 delays what it receives by up to 16 ms: echo 1 | sudo tee"));
+  EXPECT_TRUE(has(machine.facts, "latency timer of /dev/ttyUSB3: 16 ms"));
+  EXPECT_TRUE(has(machine.advice, "/dev/ttyUSB3 is an adapter that withholds what it has received for up to 16 ms"));
+  EXPECT_TRUE(has(machine.advice, "DRIVER==\"ftdi_sio\", ATTR{latency_timer}=\"1\""));
+  // A name of an adapter is a link to its device.
+  put("dev/ttyUSB3", "");
+  put("dev/serial/by-id/x", "");
+  std::filesystem::remove(path("dev/serial/by-id/x"));
+  std::filesystem::create_symlink("../../ttyUSB3", path("dev/serial/by-id/usb-FTDI"));
+  EXPECT_TRUE(has(inspect_machine(folder_, true, {"/dev/serial/by-id/usb-FTDI"}).facts,
+                  "latency timer of /dev/serial/by-id/usb-FTDI: 16 ms"));
   EXPECT_EQ(inspect_machine(folder_, false, {}).advice.size(), 4U);
 }
 
