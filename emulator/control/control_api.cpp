@@ -243,11 +243,13 @@ void ControlApi::complete(std::uint64_t number) {
     Json event = change.event;
     event["applied"] = applied_to([&](std::uint16_t imu) { return concerns(change, imu); });
     log(fmt::format("control: {}; {}", change.words, samples_text(event["applied"])));
-    for (const PortChange& port : change.ports)
+    for (const PortChange& port : change.ports) {
+      const std::string& imu = run_.config.imus[port.imu].name;
+      const LogFields fields(imu);
       for (const Applied& one : batch.applied)
         if (one.imu == port.imu)
-          log(fmt::format("{}: {} {} -> {} from sample {}", run_.config.imus[port.imu].name, port.what, port.before,
-                          port.after, one.sample));
+          log(fmt::format("{}: {} {} -> {} from sample {}", imu, port.what, port.before, port.after, one.sample));
+    }
     subscriptions_.send_event(event);
     if (on_event) on_event(event);
   }

@@ -7,8 +7,11 @@
 #include <unistd.h>
 
 #include <cstdlib>
+#include <iterator>
 #include <memory>
-#include <string_view>
+#include <utility>
+
+#include "emulator/report/journal_sink.hpp"
 
 namespace imud {
 namespace {
@@ -20,33 +23,37 @@ bool is_journal(int descriptor) {
   return fmt::format("{}:{}", status.st_dev, status.st_ino) == stream;
 }
 
-// The priority of a message as the journal reads it.
+// The priority of a line as the journal reads it.
 class Priority final : public spdlog::custom_flag_formatter {
  public:
   void format(const spdlog::details::log_msg& message, const std::tm&, spdlog::memory_buf_t& out) override {
-    const std::string_view priority = message.level >= spdlog::level::critical ? "<2>"
-                                      : message.level == spdlog::level::err    ? "<3>"
-                                      : message.level == spdlog::level::warn   ? "<4>"
-                                      : message.level == spdlog::level::info   ? "<6>"
-                                                                               : "<7>";
-    out.append(priority.data(), priority.data() + priority.size());
+    fmt::format_to(std::back_inserter(out), "<{}>", journal_priority(message.level));
   }
   std::unique_ptr<custom_flag_formatter> clone() const override { return std::make_unique<Priority>(); }
 };
 
+thread_local LogFields::Values fields;
+
 }  // namespace
+
+LogFields::LogFields(std::string_view imu, std::string_view counter) noexcept
+    : before_(std::exchange(fields, {imu, counter})) {}
+LogFields::~LogFields() { fields = before_; }
+LogFields::Values LogFields::now() noexcept { return fields; }
 
 void set_up_log(LogLevel level) {
   const auto sink = std::make_shared<spdlog::sinks::stderr_color_sink_mt>();
+  std::shared_ptr<spdlog::sinks::sink> chosen = sink;
   auto formatter = std::make_unique<spdlog::pattern_formatter>();
   if (is_journal(STDERR_FILENO)) {
     formatter->add_flag<Priority>('*').set_pattern("%*%v");
     sink->set_color_mode(spdlog::color_mode::never);
+    chosen = std::make_shared<JournalSink>(sink);
   } else {
     formatter->set_pattern("%Y-%m-%dT%H:%M:%S.%e%z %^%l%$ %v");
     if (std::getenv("NO_COLOR") != nullptr) sink->set_color_mode(spdlog::color_mode::never);
   }
-  auto logger = std::make_shared<spdlog::logger>("imud", sink);
+  auto logger = std::make_shared<spdlog::logger>("imud", std::move(chosen));
   logger->set_formatter(std::move(formatter));
   spdlog::set_default_logger(std::move(logger));
   set_log_level(level);

@@ -9,6 +9,7 @@
 
 #include "emulator/faults/fault_book.hpp"
 #include "emulator/faults/fault_labels.hpp"
+#include "emulator/report/log.hpp"
 
 namespace imud {
 namespace {
@@ -149,6 +150,7 @@ void Monitor::report_connection() {
   if (is_capture(config_.truth.port)) return;
   const PortState state = truth.port_state.load(std::memory_order_acquire);
   if (const std::uint64_t n = disconnections_.of(truth.disconnections); n > 0) {
+    const LogFields fields({}, "truth.disconnections");
     spdlog::warn("truth: {} is disconnected{}", config_.truth.port, times(n));
     truth_port_ = PortState::lost;
   }
@@ -158,6 +160,7 @@ void Monitor::report_connection() {
     spdlog::info("truth: nobody is connected to {} yet", config_.truth.port);
   if (refused_peer_reported_ || truth.connections_refused == 0) return;
   refused_peer_reported_ = true;
+  const LogFields fields({}, "truth.connections_refused");
   spdlog::warn("truth: {} has refused a second connection (counted; reported once)", config_.truth.port);
 }
 
@@ -165,6 +168,7 @@ void Monitor::report_refusals() {
   for (std::size_t i = 0; i < refusals_.size(); ++i) {
     if (refusals_[i] || counters_.truth->refused[i] == 0) continue;
     refusals_[i] = true;
+    const LogFields fields({}, "truth.refused");
     const auto refusal = static_cast<Refusal>(i);
     const std::string_view first = counters_.truth->refused.first[i].text();
     spdlog::warn("truth refused: {}: {}{}{} (counted; reported once)", cause(refusal), remedy(refusal),
@@ -188,6 +192,7 @@ void Monitor::report_interruptions() {
 
   const TruthQuality& quality = *counters_.quality;
   if (const std::uint64_t n = stops_.of(quality.stops); n > 0) {
+    const LogFields fields({}, "truth.stops");
     described_ = 0;
     constexpr std::array<std::string_view, 3> reactions = {
         "motion is held", "motion is held and flagged as not valid", "the sensors are silent"};
@@ -254,10 +259,12 @@ void Monitor::report_imus() {
     for (std::size_t k = 0; k < declared.size(); ++k) {
       if (device_reported_[i][k] || declared[k].warning.empty() || counters.device.count(k) == 0) continue;
       device_reported_[i][k] = true;
+      const LogFields fields(imu.name, declared[k].key);
       spdlog::warn("{}: {} (counted; reported once)", imu.name, declared[k].warning);
     }
     if (edges_refused_[i] || counters_.imus[i].second->edges_refused == 0) continue;
     edges_refused_[i] = true;
+    const LogFields fields(imu.name, "edges_refused");
     spdlog::warn(
         "{}: edges refused: more than 10 s ahead of the sample, or more than 64 waiting (counted; reported once)",
         counters_.imus[i].first);
@@ -270,6 +277,7 @@ void Monitor::report_skipped() {
   for (const auto& [name, imu] : counters_.imus) skipped += imu->skipped;
   if (skipped == 0) return;
   skipped_reported_ = true;
+  const LogFields fields({}, "skipped");
   spdlog::warn(
       "{} samples are skipped, because they are more than {:g} ms late (realtime.skip_after_ms): this process or its "
       "machine was stopped, or is too slow (counted; reported once)",
@@ -281,6 +289,7 @@ void Monitor::report_record() {
   const int error = counters_.record->error;
   const std::uint64_t lost = counters_.record->lost;
   record_reported_ = error != 0 || lost > 0;
+  const LogFields fields({}, "record.lost");
   if (error != 0)
     spdlog::error("the record: {}; packets are lost until it can be written again (counted; reported once)",
                   strerrordesc_np(error));
@@ -293,6 +302,7 @@ void Monitor::report_faults() {
   constexpr std::size_t most = 1000;  // more are in the labels only
   for (; faults_reported_ < std::min(most, counters_.faults->log().size()); ++faults_reported_) {
     const FaultEvent& event = counters_.faults->log()[faults_reported_];
+    const LogFields fields(imu_of(event, imu_names_));
     spdlog::info("{}", event_text(counters_.faults->all()[event.fault], imu_of(event, imu_names_), event));
     if (faults_reported_ + 1 == most) spdlog::info("further begins and ends of faults are not logged");
   }
@@ -310,6 +320,7 @@ void Monitor::report_port(ReportedPort& reported, const std::string& imu, const 
            !reported.mismatch.lasts(speeds, host_now(), nanoseconds(options_.wrong_speed_s)))
     return;
   if (std::exchange(reported.state, state) == state) return;
+  const LogFields fields(imu);
   switch (state) {
     case PortState::ready:
       spdlog::info("{}: {} takes frames", imu, port);

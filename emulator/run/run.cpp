@@ -30,6 +30,7 @@
 #include "emulator/ground/progress_line.hpp"
 #include "emulator/ground/text_file.hpp"
 #include "emulator/record/recorder.hpp"
+#include "emulator/report/log.hpp"
 #include "emulator/run/readiness.hpp"
 #include "emulator/run/watchdog.hpp"
 #include "emulator/web/metrics.hpp"
@@ -101,7 +102,10 @@ void log_details(const Config& config) {
   for (const ImuConfig& imu : config.imus)
     spdlog::debug("{}: {} at {} Hz to {}{}{}", imu.name, imu.protocol->name, imu.rate_hz, imu.port,
                   imu.second_port.empty() ? "" : " and ", imu.second_port);
-  for (const ImuConfig& imu : config.imus) spdlog::info("{}: errors of the model {}", imu.name, imu.errors_model);
+  for (const ImuConfig& imu : config.imus) {
+    const LogFields fields(imu.name);
+    spdlog::info("{}: errors of the model {}", imu.name, imu.errors_model);
+  }
 }
 
 // Returns true if standard output carries frames or JSON, among which the text of the summary has no place.

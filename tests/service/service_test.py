@@ -225,6 +225,70 @@ class ServiceTest(unittest.TestCase):
         self.assertNotRegex(users, r"(?m)^(User|Group|SupplementaryGroups|AmbientCapabilities|DevicePolicy|RuntimeDirectory)=")
         self.assertIn("WantedBy=default.target", users)
 
+    def test_the_journal_gets_fields(self):
+        """A socket stands in for the journal's, in a mount namespace with a /run of its own."""
+        (self.folder / "journal").mkdir()
+        journal = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        self.addCleanup(journal.close)
+        journal.bind(str(self.folder / "journal/socket"))
+        journal.settimeout(60)
+        namespace = ["unshare", "--mount", *(["--map-root-user"] if os.geteuid() != 0 else []), "sh", "-c",
+                     'mount -t tmpfs tmpfs /run && mkdir /run/systemd && ln -s "$0" /run/systemd/journal && exec "$@"',
+                     self.folder / "journal"]
+        if subprocess.run([*namespace, "true"], capture_output=True).returncode != 0:
+            self.skipTest("no mount namespace")
+        read, write = os.pipe()
+        self.addCleanup(os.close, read)
+        stream = os.fstat(write)
+        self.write(0.01)
+        run = subprocess.Popen([*namespace, *self.command("ExecStart", "bench")], stderr=write, stdout=subprocess.DEVNULL,
+                               env={**self.environment(), "JOURNAL_STREAM": f"{stream.st_dev}:{stream.st_ino}"})
+        os.close(write)
+        self.addCleanup(lambda: (run.kill(), run.wait()))
+
+        def entry(text):
+            while text not in (found := self.fields(journal.recv(65536)))["MESSAGE"]:
+                self.assertEqual(found["SYSLOG_IDENTIFIER"], "imud")
+            return found
+
+        self.assertEqual(entry("errors of the model")["IMU"], "imu1")
+        ready = entry("ready, ")
+        self.assertEqual((ready["PRIORITY"], ready.get("IMU"), ready.get("COUNTER")), ("6", None, None))
+        port = int(re.search(r"truth.port is udp:127.0.0.1:(\d+)", ready["MESSAGE"]).group(1))
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as simulator:
+            simulator.sendto(b"no truth", ("127.0.0.1", port))
+        refused = entry("truth refused")
+        self.assertEqual((refused["PRIORITY"], refused["COUNTER"]), ("4", "truth.refused"))
+        begun = subprocess.run([BUILD / "imud", "ctl", "--name", "bench", "fault.begin", "name=broken", "imu=imu1",
+                                "target=gyro.x", "kind=bias", "value=0.1"], env=self.environment(), capture_output=True)
+        self.assertEqual(begun.returncode, 0, begun.stderr)
+        begins = entry("imu1: broken: bias of gyro.x")
+        self.assertEqual((begins["IMU"], begins.get("COUNTER")), ("imu1", None))
+        # A text of several lines is one entry.
+        path = self.folder / "etc/bench.toml"
+        path.write_text(path.read_text() + "wrong = 1\nmore_wrong = 2\n")
+        run.send_signal(signal.SIGHUP)
+        several = entry("more_wrong")
+        self.assertEqual(several["PRIORITY"], "3")
+        self.assertRegex(several["MESSAGE"], r"\n.*more_wrong|more_wrong.*\n")
+        run.terminate()
+        self.assertEqual(run.wait(), 0)
+        # Nothing of this is on standard error as well.
+        self.assertEqual(os.read(read, 65536), b"")
+
+    def fields(self, datagram):
+        """The fields of an entry (systemd, docs/JOURNAL_NATIVE_PROTOCOL.md)."""
+        found = {}
+        while datagram:
+            line, _, rest = datagram.partition(b"\n")
+            name, equals, value = line.partition(b"=")
+            if not equals:
+                size = int.from_bytes(rest[:8], "little")
+                value, rest = rest[8:8 + size], rest[8 + size + 1:]
+            found[name.decode()] = value.decode()
+            datagram = rest
+        return found
+
     def pings(self, count):
         for _ in range(count):
             self.assertEqual(self.notification(), "WATCHDOG=1")
