@@ -1,0 +1,225 @@
+"""imud@.service under systemd, which runs as process 1 of namespaces of its own, with a journal.
+
+usage: systemd_test.py BUILD_FOLDER SOURCE_FOLDER
+
+Needs root, systemd and a kernel that has cgroup2; otherwise nothing is tested, which is said. /etc, /var and /usr/local are
+overlays, /run is empty: nothing of it stays. The units of Debian that a start needs are stand-ins without work.
+"""
+import json
+import os
+import pathlib
+import random
+import re
+import select
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import termios
+import time
+import tty
+import unittest
+
+BUILD, SOURCE = (pathlib.Path(argument).resolve() for argument in (sys.argv.pop(1), sys.argv.pop(1)))
+SYSTEM = SOURCE / "tools/packaging/system"
+LIMIT_S = 60  # only a test that fails waits so long
+
+BOOT = """set -e
+mount --make-rprivate /
+mount -t proc proc /proc
+umount -l /sys/fs/cgroup
+mount -t cgroup2 cgroup2 /sys/fs/cgroup
+mount -t tmpfs tmpfs /run
+for d in etc var usr/local; do
+  mkdir -p /run/overlay/$d/upper /run/overlay/$d/work
+  mount -t overlay overlay -o lowerdir=/$d,upperdir=/run/overlay/$d/upper,workdir=/run/overlay/$d/work /$d
+done
+mkdir -p /run/systemd/system /etc/imud /usr/local/bin
+cp "$1/imud" /usr/local/bin/
+cp "$2"/units/* "$3/imud@.service" /run/systemd/system/
+systemd-sysusers "$3/sysusers.conf"
+systemd-tmpfiles --create "$3/tmpfiles.conf"
+export container=test SYSTEMD_UNIT_PATH=/run/systemd/system
+exec /lib/systemd/systemd --system --unit=multi-user.target --log-target=journal --show-status=no
+"""
+STAND_INS = ("sysinit.target", "basic.target", "network.target", "multi-user.target", "shutdown.target", "umount.target",
+             "sockets.target", "syslog.socket")
+CONFIGURATION = """[truth]
+port = "udp:127.0.0.1:0"
+[[imu]]
+protocol = "stim300"
+port = "pty:/run/imud/imu1"
+gyro.bias_rad_per_s = [{bias}, 0, 0]
+"""
+
+
+class Namespaces:
+    """A systemd that has booted. Throws RuntimeError if this machine cannot have one."""
+
+    def __init__(self):
+        mounts = [line.split() for line in pathlib.Path("/proc/mounts").read_text().splitlines()]
+        self.cgroup = pathlib.Path(next((mount[1] for mount in mounts if mount[2] == "cgroup2"), "/nowhere"), f"imud-test-{os.getpid()}")
+        if os.geteuid() != 0 or not shutil.which("systemctl"):
+            raise RuntimeError("needs root, and systemd")
+        self.folder = pathlib.Path(tempfile.mkdtemp())
+        (self.folder / "units").mkdir()
+        for name in STAND_INS:
+            (self.folder / "units" / name).write_text("[Unit]\nDescription=stand-in\nDefaultDependencies=no\n"
+                                                      + ("[Socket]\nListenDatagram=/run/none\n" if name.endswith("socket") else ""))
+        (self.folder / "units/multi-user.target").write_text("[Unit]\nDescription=all\nDefaultDependencies=no\n"
+                                                             "Wants=systemd-journald.service\n")
+        for name in ("systemd-journald.service", "systemd-journald.socket", "systemd-journald-dev-log.socket"):
+            shutil.copy(f"/lib/systemd/system/{name}", self.folder / "units")
+        self.cgroup.mkdir()
+        command = ["unshare", "--mount", "--pid", "--fork", "--ipc", "--uts", "--cgroup", "--kill-child", "bash", "-c", BOOT, "boot",
+                   BUILD, self.folder, SYSTEM]
+        self.process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                                        preexec_fn=lambda: (self.cgroup / "cgroup.procs").write_text(str(os.getpid())))
+        end = time.monotonic() + LIMIT_S
+        while self.run("systemctl", "is-active", "multi-user.target", "systemd-journald.service")[1] != "active\nactive\n":
+            if self.process.poll() is not None or time.monotonic() > end:
+                self.end()
+                raise RuntimeError("no systemd could be started")
+            time.sleep(0.1)
+
+    def first(self):
+        """The process 1 of the namespaces, by its number outside; 0: there is none yet."""
+        text = pathlib.Path(f"/proc/{self.process.pid}/task/{self.process.pid}/children").read_text()
+        return int(text.split()[0]) if text else 0
+
+    def run(self, *words):
+        """Runs a command beside systemd. Returns the exit code, and what was printed."""
+        if not self.first():
+            return 1, ""
+        done = subprocess.run(["nsenter", "--target", str(self.first()), "--mount", "--pid", "--ipc", "--uts", "--cgroup", *words],
+                              capture_output=True, text=True, env={"PATH": "/usr/local/bin:/usr/bin:/bin:/usr/sbin:/sbin"})
+        return done.returncode, done.stdout + done.stderr
+
+    def end(self):
+        self.process.kill()
+        self.process.communicate()
+        for _ in range(100):  # the kernel ends what was in it
+            for path in sorted(self.cgroup.rglob("*"), reverse=True):
+                if path.is_dir():
+                    try:
+                        path.rmdir()
+                    except OSError:
+                        pass
+            try:
+                self.cgroup.rmdir()
+                break
+            except OSError:
+                time.sleep(0.1)
+        shutil.rmtree(self.folder)
+
+
+class SystemdTest(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        try:
+            cls.system = Namespaces()
+        except (RuntimeError, OSError) as why:
+            raise unittest.SkipTest(f"nothing is tested: {why}") from why
+        cls.addClassCleanup(cls.system.end)
+
+    def run_all(self, *words):
+        code, text = self.system.run(*words)
+        self.assertEqual(code, 0, f"{words}: {text}\n{self.system.run('journalctl', '-n', '30', '--no-pager')[1]}")
+        return text
+
+    def write(self, bias, name="bench"):
+        self.run_all("sh", "-c", 'printf "%s" "$0" > /etc/imud/$1.toml', CONFIGURATION.format(bias=bias), name)
+
+    def shown(self, key):
+        return self.run_all("systemctl", "show", "--value", "-p", key, "imud@bench").strip()
+
+    def wait_until(self, is_so):
+        end = time.monotonic() + LIMIT_S
+        while not is_so():
+            self.assertLess(time.monotonic(), end, self.system.run("systemctl", "status", "imud@bench")[1])
+            time.sleep(0.02)
+
+    def start(self):
+        self.write(0.01)
+        self.run_all("systemctl", "restart", "imud@bench")
+        self.addCleanup(self.run_all, "systemctl", "stop", "imud@bench")
+
+    def test_start_status_and_stop(self):
+        self.start()
+        self.assertEqual(self.shown("ActiveState"), "active")
+        status = json.loads(self.run_all("imud", "status", "--json"))["runs"]
+        self.assertEqual([(run["name"], run["state"], run["config"]) for run in status],
+                         [("bench", "running", "/etc/imud/bench.toml")])
+        self.assertEqual(self.run_all("ps", "-o", "user=", "-p", self.shown("MainPID")).strip(), "imud")
+        self.assertEqual(self.run_all("stat", "-c", "%U", "/var/lib/imud").strip(), "imud")
+        self.run_all("systemctl", "stop", "imud@bench")
+        self.assertEqual((self.shown("ActiveState"), self.shown("Result")), ("inactive", "success"))
+
+    def test_reload(self):
+        self.start()
+        process = self.shown("MainPID")
+        self.write('"much"')
+        self.assertNotEqual(self.system.run("systemctl", "reload", "imud@bench")[0], 0)
+        self.assertEqual((self.shown("ActiveState"), self.shown("MainPID")), ("active", process))
+        self.assertIn("bias_rad_per_s", self.run_all("journalctl", "-u", "imud@bench"))
+        self.write(0.0234567)
+        self.run_all("systemctl", "reload", "imud@bench")
+        self.assertEqual(self.shown("MainPID"), process)
+        self.assertIn("0.0234567", self.run_all("journalctl", "-u", "imud@bench"))
+
+    def test_a_wrong_file_is_not_started_again(self):
+        self.write('"much"')
+        self.assertNotEqual(self.system.run("systemctl", "restart", "imud@bench")[0], 0)
+        self.assertEqual((self.shown("ActiveState"), self.shown("ExecMainStatus")), ("failed", "2"))
+
+    def test_the_journal_filters_by_imu(self):
+        self.start()
+        self.wait_until(lambda: "errors of the model" in self.system.run("journalctl", "-u", "imud@bench", "IMU=imu1")[1])
+        entries = [json.loads(line) for line in self.run_all("journalctl", "-u", "imud@bench", "-o", "json", "IMU=imu1").splitlines()]
+        self.assertTrue(all(entry["IMU"] == "imu1" and entry["SYSLOG_IDENTIFIER"] == "imud" for entry in entries))
+        self.assertIn("6", {entry["PRIORITY"] for entry in entries})
+        everything = self.run_all("journalctl", "-u", "imud@bench", "-o", "cat")
+        self.assertIn("ready, truth.port is", everything)
+        self.assertNotIn("<6>", everything)
+
+    def test_twenty_kills_at_random_moments(self):
+        """With a pty that `imud pty` holds, whose reader goes on."""
+        keeper = subprocess.Popen(["nsenter", "--target", str(self.system.first()), "--mount", "--pid", "--ipc", "setpriv", "--reuid=imud",
+                                   "--regid=imud", "--init-groups", "/usr/local/bin/imud", "pty", "/run/imud/imu1"], stdout=subprocess.PIPE,
+                                  text=True, start_new_session=True)
+        self.addCleanup(lambda: (os.killpg(keeper.pid, signal.SIGKILL), keeper.communicate()))
+        slave = re.search(r"as (\S+)", keeper.stdout.readline()).group(1)
+        self.start()
+        reader = os.open(slave, os.O_RDWR | os.O_NOCTTY)
+        self.addCleanup(os.close, reader)
+        tty.setraw(reader)
+        draw = random.Random(20)
+        longest_s = 0
+        for number in range(20):
+            process = self.shown("MainPID")
+            self.run_all("systemctl", "kill", "--signal=KILL", "imud@bench")
+            begin = time.monotonic()
+            self.wait_until(lambda: self.shown("ActiveState") == "active" and self.shown("MainPID") not in ("0", process))
+            longest_s = max(longest_s, time.monotonic() - begin)
+            termios.tcflush(reader, termios.TCIFLUSH)  # what came from the run before
+            self.assertTrue(select.select([reader], [], [], LIMIT_S)[0], number)
+            self.assertGreater(len(os.read(reader, 4096)), 0)
+            time.sleep(draw.uniform(0, 0.2))
+        self.assertGreaterEqual(int(self.shown("NRestarts")), 20)
+        print(f"the longest restart took {longest_s:.2f} s", file=sys.stderr)
+
+    def test_the_watchdog_ends_a_run_that_stands_still(self):
+        self.run_all("sh", "-c", "mkdir -p /run/systemd/system/imud@bench.service.d && printf '[Service]\\nWatchdogSec=1\\nTimeoutAbortSec=1\\n'"
+                     " > /run/systemd/system/imud@bench.service.d/test.conf && systemctl daemon-reload")
+        self.addCleanup(self.run_all, "sh", "-c", "rm -r /run/systemd/system/imud@bench.service.d && systemctl daemon-reload")
+        self.start()
+        process = self.shown("MainPID")
+        self.run_all("kill", "-STOP", process)
+        self.wait_until(lambda: self.shown("MainPID") not in ("0", process) and self.shown("ActiveState") == "active")
+        self.assertIn("Watchdog timeout", self.run_all("journalctl", "-u", "imud@bench", "-o", "cat"))
+
+
+if __name__ == "__main__":
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))
+    unittest.main()
