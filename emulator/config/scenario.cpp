@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <sstream>
 #include <utility>
 
 #include "emulator/config/config_text.hpp"
@@ -83,6 +84,22 @@ FaultConfig read_begun_fault(std::string_view text, std::size_t number, std::spa
       if (const std::string objection = fault_objection(*fault.kind, *imu.protocol, imu.settings); !objection.empty())
         wrong.push_back(fmt::format("{}: {}", imu.name, objection));
   return fault;
+}
+
+std::string text_to_begin(const Config& config, std::size_t number) {
+  toml::table all = toml::parse(config.resolved());
+  toml::table& fault = *all["fault"][number].as_table();
+  // It lasts as long as before.
+  if (const auto until_s = fault["until_s"].value<double>()) {
+    fault.insert_or_assign("for_s", *until_s - fault["at_s"].value_or(0.0));
+    fault.erase("until_s");
+  }
+  for (const std::string_view key :
+       {"at_s", "at_sample", "at_time", "after_host", "when", "every_s", "times", "probability", "optional"})
+    fault.erase(key);
+  std::ostringstream text;
+  text << fault << "\n";
+  return text.str();
 }
 
 void read_scenarios(TableReader& table, std::span<const std::string> scenarios, Faults& faults, Config& config,

@@ -26,5 +26,8 @@ void check_begins_by_host(const Config& config, bool repeats);
 // keys, or why the imus cannot have the fault. Without an entry it is right.
 FaultConfig read_begun_fault(std::string_view text, std::size_t number, std::span<const ImuConfig> imus,
                              std::vector<std::string>& wrong);
+// Returns the keys of the configuration's fault of that number, as TOML, without the keys that say when and how often
+// it occurs, for read_begun_fault().
+std::string text_to_begin(const Config& config, std::size_t number);
 
 }  // namespace imud

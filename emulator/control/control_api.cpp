@@ -99,6 +99,8 @@ std::span<const ControlApi::Method> ControlApi::methods() noexcept {
        R"({"truth.delay_ms": 20, "imu.imu1.gyro.bias_rad_per_s": [0.01, 0, 0]})", set_change},
       {"fault.begin", "begins a fault: a [[fault]] whose times count from the next sample",
        R"({"imu": "imu1", "target": "gyro.x", "kind": "bias", "value": 0.1, "for_s": 3})", begin_fault_change},
+      {"fault.repeat", "begins a configured fault again, once, at the next sample", R"({"name": "fault1"})",
+       repeat_fault_change},
       {"fault.end", "ends the faults of a name", R"({"name": "fault1"})", end_fault_change},
       {"fault.clear", "ends all faults of an imu, or of all", R"({"imu": "imu1"})", clear_faults_change},
       {"seed", "random numbers from the next sample on are those of this seed", R"({"seed": 7})", seed_change},
@@ -368,7 +370,8 @@ Json ControlApi::list() const {
           {"methods", std::move(methods)},
           {"imus", names_of(run_.config.imus)},
           {"keys", running_keys_json()},
-          {"faults", run_.faults.can_grow() ? fault_kinds_json() : Json::array()}};
+          {"faults", run_.faults.can_grow() ? fault_kinds_json() : Json::array()},
+          {"configured_faults", run_.faults.can_grow() ? configured_faults_json(run_.faults) : Json::array()}};
 }
 
 }  // namespace imud

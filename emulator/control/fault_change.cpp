@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "emulator/config/scenario.hpp"
@@ -69,13 +70,11 @@ void check_permission(const FaultBook& faults) {
 
 }  // namespace
 
-Change begin_fault_change(const Json& params, const ChangeContext& context) {
+namespace {
+
+// Begins the fault that the text describes. `params`: for the event.
+Change begin_fault(std::string text, const Json& params, const ChangeContext& context) {
   const auto& [config, faults] = context;
-  check_permission(faults);
-  if (faults.is_full())
-    throw RpcError(RpcError::refused,
-                   fmt::format("{} faults have begun by control in this run; no more can", FaultBook::most_added));
-  std::string text = text_of(params);
   std::vector<std::string> wrong;
   FaultConfig fault = read_begun_fault(text, faults.all().size(), config.imus, wrong);
   if (!wrong.empty()) refuse(fmt::format("{}", fmt::join(wrong, "; ")));
@@ -92,6 +91,37 @@ Change begin_fault_change(const Json& params, const ChangeContext& context) {
   const std::uint32_t number = faults.add(std::move(fault), std::move(text));
   for (Command& command : commands) command.number = number;
   return {std::move(commands), words, event};
+}
+
+void check_room(const FaultBook& faults) {
+  check_permission(faults);
+  if (faults.is_full())
+    throw RpcError(RpcError::refused,
+                   fmt::format("{} faults have begun by control in this run; no more can", FaultBook::most_added));
+}
+
+}  // namespace
+
+Change begin_fault_change(const Json& params, const ChangeContext& context) {
+  check_room(context.faults);
+  return begin_fault(text_of(params), params, context);
+}
+
+Change repeat_fault_change(const Json& request_params, const ChangeContext& context) {
+  check_room(context.faults);
+  RpcParams params(request_params);
+  const std::string name = params.text("name", "the name of a [[fault]]");
+  params.finish();
+  const std::span<const FaultConfig> all = context.faults.configured();
+  const auto found = std::ranges::find(all, name, &FaultConfig::name);
+  if (found == all.end()) {
+    std::vector<std::string> names;
+    for (const FaultConfig& fault : all) names.push_back(fault.name);
+    refuse(fmt::format("the configuration has no fault \"{}\"; it has {}", name,
+                       names.empty() ? "none" : fmt::to_string(fmt::join(names, ", "))));
+  }
+  return begin_fault(text_to_begin(context.config, static_cast<std::size_t>(found - all.begin())), request_params,
+                     context);
 }
 
 Change end_fault_change(const Json& request_params, const ChangeContext& context) {
@@ -144,6 +174,12 @@ Json fault_kinds_json() {
                    {"is_event", kind->is_event},
                    {"parameters", std::move(parameters)}});
   }
+  return all;
+}
+
+Json configured_faults_json(const FaultBook& faults) {
+  Json all = Json::array();
+  for (const FaultConfig& fault : faults.configured()) all.push_back({{"name", fault.name}, {"text", fault.text()}});
   return all;
 }
 
