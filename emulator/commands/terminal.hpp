@@ -1,0 +1,37 @@
+// Terminal: the whole screen of a terminal, by ncurses.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+namespace imud {
+
+// ncurses is loaded when the first one is made, so that no other start of imud has to load it. One at a time; one
+// thread.
+class Terminal {
+ public:
+  // Keys beside the bytes that are typed.
+  enum Key : int { none = -1, erase = 1000, enter, escape, other };
+
+  // Takes the terminal of standard input and output, whose type TERM names. Throws std::runtime_error: ncurses
+  // is missing, or does not know the type.
+  Terminal();
+  // Restores the terminal.
+  ~Terminal();
+  Terminal(const Terminal&) = delete;
+  Terminal& operator=(const Terminal&) = delete;
+
+  // Shows the lines from the first row on, and `bottom`, emphasised, in the last row. What has no room is left out.
+  void show(const std::vector<std::string>& lines, const std::string& bottom);
+  // Returns the next byte or key; none: nothing waits.
+  int read_key();
+  // Takes the size that the terminal has now.
+  void resize();
+
+ private:
+  class Screen;
+  std::unique_ptr<Screen> screen_;
+};
+
+}  // namespace imud
