@@ -1,7 +1,8 @@
-// RunCommands: the commands that ask and change runs that go on: `ctl`, `status`.
+// RunCommands: the commands that ask and change runs that go on: `ctl`, `status`, `top`.
 #pragma once
 
 #include <optional>
+#include <string>
 
 #include "emulator/commands/status.hpp"
 #include "emulator/control/ctl.hpp"
@@ -18,7 +19,8 @@ class RunCommands {
  private:
   CtlOptions ctl_options_;
   StatusOptions status_options_;
-  const CLI::App *ctl_, *status_;
+  std::string top_name_;
+  const CLI::App *ctl_, *status_, *top_;
 };
 
 }  // namespace imud

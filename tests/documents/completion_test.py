@@ -132,7 +132,7 @@ class CompletionTest(unittest.TestCase):
             try:
                 for shell in (Bash(), Fish(), Zsh()):
                     # zsh completes a single one at once.
-                    for line in (["imud", "ctl", "--name", ""], ["imud", "status", ""]):
+                    for line in (["imud", "ctl", "--name", ""], ["imud", "status", ""], ["imud", "top", ""]):
                         self.assertIn("bench", shell.complete([line])[0], (shell, line))
             finally:
                 ENVIRONMENT["PATH"] = path

@@ -1,0 +1,120 @@
+#include "emulator/commands/top.hpp"
+
+#include <fmt/format.h>
+#include <poll.h>
+#include <sys/signalfd.h>
+#include <unistd.h>
+
+#include <array>
+#include <chrono>
+#include <csignal>
+#include <cstdio>
+#include <optional>
+#include <stdexcept>
+#include <string_view>
+
+#include "emulator/commands/terminal.hpp"
+#include "emulator/commands/top_view.hpp"
+#include "emulator/control/line_connection.hpp"
+#include "emulator/control/socket_path.hpp"
+
+namespace imud {
+namespace {
+
+using namespace std::chrono_literals;
+
+int refuse(std::string_view why, int exit_code) {
+  fmt::print(stderr, "imud: {}\n", why);
+  return exit_code;
+}
+
+void request(LineConnection& run, Json call) {
+  Json all = {{"jsonrpc", "2.0"}};
+  all.update(call);
+  all["id"] = 1;
+  run.send(json_line(all));
+}
+
+// The signals that end the view or change its size, from a descriptor in place of handlers.
+class Signals {
+ public:
+  Signals() {
+    sigset_t set;
+    sigemptyset(&set);
+    for (const int signal : {SIGINT, SIGTERM, SIGHUP, SIGWINCH}) sigaddset(&set, signal);
+    sigprocmask(SIG_BLOCK, &set, nullptr);
+    descriptor_.reset(::signalfd(-1, &set, SFD_CLOEXEC | SFD_NONBLOCK));
+  }
+  int descriptor() const noexcept { return descriptor_.get(); }
+  // Returns the next signal; 0: none waits.
+  int next() {
+    signalfd_siginfo info{};
+    return ::read(descriptor_.get(), &info, sizeof info) == sizeof info ? static_cast<int>(info.ssi_signo) : 0;
+  }
+
+ private:
+  FileDescriptor descriptor_;
+};
+
+// Shows the run until one of the ends of top(). Returns the signal that ended it, 0 for q, and nullopt if the run
+// ended.
+std::optional<int> show(LineConnection& run, TopView& view, Signals& signals) {
+  Terminal terminal;
+  HostTime asked = host_now();
+  for (;;) {
+    while (const auto line = run.receive(host_now()))
+      if (const Json message = Json::parse(*line, nullptr, false); message.is_object())
+        view.take(message, host_now());
+    if (!run) return std::nullopt;
+    for (int key = terminal.read_key(); key != Terminal::none && !view.quits(); key = terminal.read_key())
+      if (const Json call = view.take_key(key); !call.is_null()) request(run, call);
+    if (view.quits()) return 0;
+    for (int signal = signals.next(); signal != 0; signal = signals.next()) {
+      if (signal != SIGWINCH) return signal;
+      terminal.resize();
+    }
+    if (host_now() - asked >= 1s) {
+      asked = host_now();
+      request(run, {{"method", "status"}});
+    }
+    terminal.show(view.lines(host_now()), view.bottom());
+    std::array<pollfd, 3> ready = {
+        {{STDIN_FILENO, POLLIN, 0}, {run.descriptor(), POLLIN, 0}, {signals.descriptor(), POLLIN, 0}}};
+    ::poll(ready.data(), ready.size(), 500);
+    if ((ready[0].revents & (POLLHUP | POLLERR)) != 0) return SIGHUP;  // the terminal is gone
+  }
+}
+
+}  // namespace
+
+int top(const std::string& name) {
+  if (::isatty(STDIN_FILENO) == 0 || ::isatty(STDOUT_FILENO) == 0)
+    return refuse(
+        "top: standard input or output is no terminal; imud status, and imud ctl subscribe what=counters, print text",
+        2);
+  const Instances found = find_instances();
+  const Instance* instance = nullptr;
+  for (const Instance& one : found.running)
+    if (name.empty() ? found.running.size() == 1 : one.name == name) instance = &one;
+  if (instance == nullptr) return refuse(none_text(found, name), 1);
+  LineConnection run(connect_to_socket(instance->path));
+  TopView view(instance->name);
+  if (run) request(run, {{"method", "status"}});
+  const auto first = run.receive(host_now() + 2s);
+  if (!first) return refuse(fmt::format("{} does not answer: its process is stopped or too busy", instance->name), 1);
+  if (const Json message = Json::parse(*first, nullptr, false); message.is_object()) view.take(message, host_now());
+  request(run, {{"method", "list"}});
+  for (const char* what : {"counters", "events"})
+    request(run, {{"method", "subscribe"}, {"params", {{"what", what}}}});
+  Signals signals;
+  std::optional<int> end;
+  try {
+    end = show(run, view, signals);
+  } catch (const std::runtime_error& error) {
+    return refuse(fmt::format("top: {}", error.what()), 2);
+  }
+  if (!end) return refuse(fmt::format("{} has ended", instance->name), 1);
+  return *end == 0 || *end == SIGINT ? 0 : 128 + *end;
+}
+
+}  // namespace imud
