@@ -75,8 +75,15 @@ install(FILES ${packaging}/system/udev.rules DESTINATION lib/udev/rules.d RENAME
 install(FILES ${packaging}/system/limits.conf DESTINATION ${CMAKE_INSTALL_SYSCONFDIR}/security/limits.d RENAME imud.conf
   COMPONENT imud)
 
-# Not tests: packages of this build, examined by lintian, in packages/; whether two builds give the
-# same; and what a bare Debian does with them, as root.
+# Not tests: packages of this build, examined by lintian, in packages/; whether another build, in other circumstances, gives
+# the same; and, as root, what a bare Debian does with them; the set for a machine without network; and the image for
+# containers, in image/, which is then run.
 add_custom_target(packages COMMAND ${packaging}/build-packages ${CMAKE_BINARY_DIR} DEPENDS documents USES_TERMINAL VERBATIM)
-add_custom_target(reproduce COMMAND ${packaging}/reproduce ${CMAKE_BINARY_DIR}/reproduce USES_TERMINAL VERBATIM)
+add_custom_target(reproduce COMMAND ${packaging}/reproduce --against ${CMAKE_BINARY_DIR} ${CMAKE_BINARY_DIR}/reproduce
+  DEPENDS documents USES_TERMINAL VERBATIM)
 add_custom_target(check_packages COMMAND ${packaging}/check-packages ${CMAKE_BINARY_DIR}/packages USES_TERMINAL VERBATIM)
+add_custom_target(offline_packages COMMAND ${packaging}/offline-packages ${CMAKE_BINARY_DIR}/packages
+  ${CMAKE_BINARY_DIR}/offline USES_TERMINAL VERBATIM)
+add_custom_target(image COMMAND ${packaging}/build-image ${CMAKE_BINARY_DIR}/packages ${CMAKE_BINARY_DIR}/image
+  COMMAND ${packaging}/check-image ${CMAKE_BINARY_DIR}/image/imud-docker.tar
+  COMMAND ${packaging}/check-image ${CMAKE_BINARY_DIR}/image/imud-oci.tar USES_TERMINAL VERBATIM)
