@@ -30,11 +30,13 @@ class ProgressTest(unittest.TestCase):
         cls.addClassCleanup(folder.cleanup)
         cls.folder = pathlib.Path(folder.name)
         (cls.folder / "imu.toml").write_text(CONFIGURATION)
-        subprocess.run([IMUD.parent / "imu-truth", "rest", "--rate", "10", "--for", "1500", "--csv", "truth.csv"], check=True, cwd=cls.folder,
+        subprocess.run([IMUD.parent / "imu-truth", "rest", "--rate", "10", "--for", "2500", "--csv", "truth.csv"], check=True, cwd=cls.folder,
                        stderr=subprocess.DEVNULL)
         # What the decoders read.
         subprocess.run([IMUD, "replay", "imu.toml", "truth.csv", "--fast", "--quiet", "--set", "imu.0.port=file:whole.bin"], check=True,
                        cwd=cls.folder, stdout=subprocess.DEVNULL)
+        once = (cls.folder / "whole.bin").read_bytes()
+        (cls.folder / "whole.bin").write_bytes(2 * once)
 
     def at_terminal(self, words):
         """Runs a program whose standard error is a terminal. Returns the text there, and how long it took."""
