@@ -40,7 +40,7 @@ FLOORS = {
     "transports": ["port.hpp port_spec.* endpoint.* host_clock.hpp file_descriptor.hpp byte_writer.*",
                    "can/ file/ socket/ uart/", "capture/", ""],
     "emulator": ["ground/", "plan/", "faults/ frames/", "config/", "truth/", "imu/", "engine/", "record/", "drive/", "report/", "control/",
-                 "web/", "run/", "seeds/", "commands/", ""],
+                 "web/", "run/", "seeds/", "init/ watch/", "commands/", ""],
     "tools": ["*_client.hpp duration_text.* gnuplot.* number_check.hpp output_options.hpp program.* "
               "setting_texts.hpp stop_signal.* stream_*.* text_output.*", "input/ replay/ vcan/ checks/", "arrays/ find/", "truth/", "allan/",
               "plot/ fit/", ""],

@@ -12,12 +12,12 @@
 
 #include "emulator/commands/key_rows.hpp"
 #include "emulator/commands/list.hpp"
-#include "emulator/commands/simulators.hpp"
 #include "emulator/config/config_parts.hpp"
 #include "emulator/config/presets.hpp"
 #include "emulator/faults/fault_kinds.hpp"
 #include "emulator/frames/described_protocols.hpp"
 #include "emulator/ground/table_reader.hpp"
+#include "emulator/init/simulators.hpp"
 
 namespace imud {
 namespace {

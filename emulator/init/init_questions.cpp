@@ -1,4 +1,4 @@
-#include "emulator/commands/init_questions.hpp"
+#include "emulator/init/init_questions.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -10,10 +10,10 @@
 #include <string_view>
 #include <vector>
 
-#include "emulator/commands/found_ports.hpp"
-#include "emulator/commands/simulators.hpp"
 #include "emulator/frames/described_protocols.hpp"
 #include "emulator/ground/text_file.hpp"
+#include "emulator/init/found_ports.hpp"
+#include "emulator/init/simulators.hpp"
 #include "transports/port.hpp"
 
 namespace imud {

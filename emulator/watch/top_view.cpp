@@ -1,4 +1,4 @@
-#include "emulator/commands/top_view.hpp"
+#include "emulator/watch/top_view.hpp"
 
 #include <fmt/format.h>
 
@@ -7,8 +7,8 @@
 #include <sstream>
 #include <utility>
 
-#include "emulator/commands/run_text.hpp"
-#include "emulator/commands/terminal.hpp"
+#include "emulator/watch/run_text.hpp"
+#include "emulator/watch/terminal.hpp"
 
 namespace imud {
 namespace {

@@ -1,4 +1,4 @@
-#include "emulator/commands/status.hpp"
+#include "emulator/watch/status.hpp"
 
 #include <fmt/format.h>
 
@@ -9,9 +9,9 @@
 #include <utility>
 #include <vector>
 
-#include "emulator/commands/run_text.hpp"
 #include "emulator/control/line_connection.hpp"
 #include "emulator/control/socket_path.hpp"
+#include "emulator/watch/run_text.hpp"
 
 namespace imud {
 namespace {

@@ -1,4 +1,4 @@
-#include "emulator/commands/run_text.hpp"
+#include "emulator/watch/run_text.hpp"
 
 #include <fmt/format.h>
 

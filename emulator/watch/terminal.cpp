@@ -1,4 +1,4 @@
-#include "emulator/commands/terminal.hpp"
+#include "emulator/watch/terminal.hpp"
 
 // Functions, no macros: other files may be compiled together with this one.
 #define NCURSES_NOMACROS

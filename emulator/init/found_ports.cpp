@@ -1,4 +1,4 @@
-#include "emulator/commands/found_ports.hpp"
+#include "emulator/init/found_ports.hpp"
 
 #include <fmt/format.h>
 

@@ -1,4 +1,4 @@
-#include "emulator/commands/init.hpp"
+#include "emulator/init/init.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -15,13 +15,13 @@
 #include <string_view>
 #include <vector>
 
-#include "emulator/commands/example.hpp"
-#include "emulator/commands/init_questions.hpp"
-#include "emulator/commands/simulators.hpp"
 #include "emulator/config/load_config.hpp"
 #include "emulator/frames/described_protocols.hpp"
 #include "emulator/ground/table_reader.hpp"
 #include "emulator/ground/text_file.hpp"
+#include "emulator/init/example.hpp"
+#include "emulator/init/init_questions.hpp"
+#include "emulator/init/simulators.hpp"
 #include "transports/port.hpp"
 
 namespace imud {

@@ -1,4 +1,4 @@
-#include "emulator/commands/example.hpp"
+#include "emulator/init/example.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>

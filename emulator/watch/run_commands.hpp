@@ -4,8 +4,8 @@
 #include <optional>
 #include <string>
 
-#include "emulator/commands/status.hpp"
 #include "emulator/control/ctl.hpp"
+#include "emulator/watch/status.hpp"
 
 namespace imud {
 

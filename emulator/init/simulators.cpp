@@ -1,4 +1,4 @@
-#include "emulator/commands/simulators.hpp"
+#include "emulator/init/simulators.hpp"
 
 #include <fmt/format.h>
 
@@ -9,10 +9,10 @@
 #include <system_error>
 #include <vector>
 
-#include "emulator/commands/example.hpp"
 #include "emulator/config/config_parts.hpp"
 #include "emulator/ground/table_reader.hpp"
 #include "emulator/ground/text_file.hpp"
+#include "emulator/init/example.hpp"
 #include "protocols/truth_format.hpp"
 #include "transports/port.hpp"
 

@@ -1,4 +1,4 @@
-#include "emulator/commands/top.hpp"
+#include "emulator/watch/top.hpp"
 
 #include <fmt/format.h>
 #include <poll.h>
@@ -13,10 +13,10 @@
 #include <stdexcept>
 #include <string_view>
 
-#include "emulator/commands/terminal.hpp"
-#include "emulator/commands/top_view.hpp"
 #include "emulator/control/line_connection.hpp"
 #include "emulator/control/socket_path.hpp"
+#include "emulator/watch/terminal.hpp"
+#include "emulator/watch/top_view.hpp"
 
 namespace imud {
 namespace {

@@ -1,7 +1,7 @@
 // The questions of `imud init` at a terminal.
 #pragma once
 
-#include "emulator/commands/init.hpp"
+#include "emulator/init/init.hpp"
 
 namespace imud {
 

@@ -1,8 +1,8 @@
-#include "emulator/commands/run_commands.hpp"
+#include "emulator/watch/run_commands.hpp"
 
 #include <CLI/CLI.hpp>
 
-#include "emulator/commands/top.hpp"
+#include "emulator/watch/top.hpp"
 
 namespace imud {
 
