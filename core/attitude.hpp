@@ -87,7 +87,7 @@ Vector3 yaw_pitch_roll_from_dcm(const Matrix3& dcm_PB);
 // Returns the standard deviations of roll, pitch and yaw, rad, pi at most, of an attitude whose error is a rotation
 // with the standard deviations `sigma_L` about north, east and down, rad, that are not correlated:
 //   roll' = (cos yaw N + sin yaw E)/cos pitch    pitch' = cos yaw E - sin yaw N    yaw' = D + sin pitch roll'
-// v_L = q_LP * v_P. Within 0.06 deg of a pitch of 90 degrees it is as there.
+// v_L = q_LP * v_P. The cosine of the pitch counts as 0.001 at least.
 Vector3 roll_pitch_yaw_deviations(const Quaternion& q_LP, const Vector3& sigma_L) noexcept;
 
 // Returns the deviation of m from a rotation: the largest element of |m m^T - I|, or 2 if det(m) < 0.

@@ -37,17 +37,17 @@ class Acquisition {
     has_had_fix_ = true;
     in_view_ = again_;
   }
-  // Goes on where `before`, of other times, was.
-  void continue_from(const Acquisition& before) noexcept {
-    has_had_fix_ = before.has_had_fix_;
-    in_view_ = before.is_fixed() ? again_ : before.in_view_;
+  // Goes on where `before`, of other times, was. `is_fixed`: the last sample had a fix, which `before` may not have
+  // seen (is_on()).
+  void continue_from(const Acquisition& before, bool is_fixed) noexcept {
+    has_had_fix_ = before.has_had_fix_ || is_fixed;
+    in_view_ = is_fixed ? again_ : before.in_view_;
   }
 
  private:
   static std::uint64_t samples(double time_s, double rate_hz) noexcept {
     return static_cast<std::uint64_t>(time_s * rate_hz + 0.5);
   }
-  bool is_fixed() const noexcept { return has_had_fix_ && in_view_ >= again_; }
 
   std::uint64_t first_, again_;  // samples
   std::uint64_t in_view_ = 0;    // samples for which the satellites have been in view, up to the time that is needed

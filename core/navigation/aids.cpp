@@ -157,7 +157,7 @@ void Navigator::use_height(const Sample& sample, const At& at) noexcept {
 bool Navigator::is_slow(const Navigation& here, const Navigation& fix) const noexcept {
   constexpr double fastest = 2.0, deviations = 5.0;  // m/s; both chosen
   if (here.v_L.squaredNorm() > fastest * fastest) return false;
-  if (!fix.is_known) return true;
+  if (!fix.is_known || !has(aid::position)) return true;
   const Vector3 sigma = (model_.velocity.array().square() + model_.slow_velocity.array().square()).sqrt();
   const Vector3 largest = deviations * static_cast<double>(fix.accuracy_factor) * sigma;
   return (fix.v_L.array().abs() <= largest.array()).all();

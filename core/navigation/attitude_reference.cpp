@@ -50,7 +50,9 @@ void AttitudeReference::give(const GivenHeading& heading) noexcept {
     alignment_.begin();
     given_ = heading;
   } else if (!heading.only_in_alignment) {
-    filter_.turn(turn_to(heading, filter_.q_LP()), square(GivenHeading::sigma));
+    const std::optional<double> angle = turn_to(heading, filter_.q_LP());
+    if (!angle) return;
+    filter_.turn(*angle, square(GivenHeading::sigma));
     is_rejecting_ = false;
   }
 }
@@ -150,12 +152,13 @@ void AttitudeReference::begin_filter(const Quaternion& q_LP, const Vector2& sigm
   is_rejecting_ = false;
   used_ = rejected_ = 0;
   field_.reset();
-  const bool is_given = given_.has_value();
-  if (is_given) filter_.turn(0, square(GivenHeading::sigma));
+  if (given_) given_->ahead_P = alignment_.q_P0P().conjugate() * given_->ahead_P;
+  const std::optional<double> to_given = given_ ? turn_to(*given_, q_LP) : std::nullopt;
   given_.reset();
+  if (to_given) filter_.turn(*to_given, square(GivenHeading::sigma));
   if (!has_azimuth(field_L)) return;
   field_ = field_of(field_L);
-  if (!is_given) filter_.update(heading_by(field_L));
+  if (!to_given) filter_.update(heading_by(field_L));
 }
 
 // --- Aids

@@ -14,8 +14,10 @@ Vector3 horizontal_at(double azimuth) noexcept {
   return {of.cos, of.sin, 0.0};
 }
 
-double turn_to(const GivenHeading& given, const Quaternion& q_LP) noexcept {
+std::optional<double> turn_to(const GivenHeading& given, const Quaternion& q_LP) noexcept {
   const Vector3 from = q_LP * given.ahead_P, to = horizontal_at(given.azimuth);
+  constexpr double least2 = 1e-2;  // of its horizontal part
+  if (from.x() * from.x() + from.y() * from.y() < least2) return std::nullopt;
   return elementary::atan2(from.x() * to.y() - from.y() * to.x(), from.x() * to.x() + from.y() * to.y());
 }
 

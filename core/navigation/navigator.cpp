@@ -76,7 +76,11 @@ void Navigator::give(const GivenHeading& heading) noexcept {
   } else if (!heading.only_in_alignment) {
     const Quaternion q_LN = earth_.q_LN(position_of(at_), place(at_));
     const Vector3 down_N = q_LN.conjugate() * Vector3::UnitZ();
-    filter_.turn(down_N, turn_to(heading, q_LN * filter_.motion().q_NP), square(GivenHeading::sigma));
+    const std::optional<double> angle = turn_to(heading, q_LN * filter_.motion().q_NP);
+    if (!angle) return;
+    filter_.turn(down_N, *angle, square(GivenHeading::sigma));
+    headings_rejected_s_ = antenna_headings_rejected_s_ = 0;
+    other_attitude_.reset();
   }
 }
 
@@ -118,9 +122,9 @@ void Navigator::take(Sample& sample, TruthTime time, std::optional<double> earth
       forget(aid::position | aid::velocity);
       use_fix(sample, at);
     }
-    if (fix_every_ > 0 && since % fix_every_ == 0 && has_antennas()) {
+    if (fix_every_ > 0 && since % fix_every_ == 0 && model_.antennas_heading > 0) {
       forget(aid::antennas_heading);
-      use_antennas(sample, at);
+      if (has_antennas()) use_antennas(sample, at);
     }
     if (heading_every_ > 0 && since % heading_every_ == 0) {
       forget(aid::magnetic_heading);
@@ -155,8 +159,8 @@ void Navigator::hold(bool is_held, TruthTime time, double dt) noexcept {
 void Navigator::align(const Sample& sample, const At& at, double dt) noexcept {
   if (number_++ > 0 && dt > 0) alignment_.add(sample.delta_angle, sample.delta_velocity, dt, sample.magnetic_field);
   const Navigation& fix = sample.fix();
-  if (!has_fix(sample) ||
-      (aids_.waits && !given_)) {  // no velocity: the attitude is levelled on, and the window begins at the next fix
+  // Without a velocity, or a heading that is waited for, the attitude is levelled on, and the window begins later.
+  if (!has_fix(sample) || (aids_.waits && !given_)) {
     has_begun_ = false;
     return;
   }
@@ -167,7 +171,12 @@ void Navigator::align(const Sample& sample, const At& at, double dt) noexcept {
     if (static_cast<double>(number_ - 1) * period_s_ + rounding_s < seconds(latency_)) return;
     PositionVelocity there = now;  // the attitude is not late
     there.time = at.time;
-    return begin_filter(now, sample, at, q_NL(there, fix) * sample.q_LP, {1e-6, 1e-6});
+    std::optional<GivenHeading> given = std::exchange(given_, std::nullopt);
+    begin_filter(now, sample, at, q_NL(there, fix) * sample.q_LP, {1e-6, 1e-6});
+    if (!given) return;
+    given->ahead_P = alignment_.q_P0P().conjugate() * given->ahead_P;
+    given->only_in_alignment = false;
+    return give(*given);
   }
   if (const auto aligned = measure_attitude(now, sample))
     begin_filter(now, sample, at, aligned->q_NP, aligned->sigma);
@@ -208,7 +217,8 @@ std::optional<Navigator::Aligned> Navigator::coarse_attitude(const PositionVeloc
     const double by_tilt = sigma.x() * second_L.z() / second_L.head<2>().norm();
     sigma.y() = std::sqrt(sigma.y() * sigma.y() + by_tilt * by_tilt);
   };
-  if (given_) {
+  constexpr double least_sine2 = 1e-2;
+  if (given_ && are_apart(first_P0, given_->ahead_P, least_sine2)) {
     second_N = from_L * horizontal_at(given_->azimuth);
     second_P0 = given_->ahead_P;
     sigma.y() = GivenHeading::sigma;
@@ -230,7 +240,6 @@ std::optional<Navigator::Aligned> Navigator::coarse_attitude(const PositionVeloc
     second_P0 = window_->q_P0P() * Vector3::UnitX();
     sigma.y() = sideslip;
   }
-  constexpr double least_sine2 = 1e-2;
   if (!are_apart(first_N, second_N, least_sine2) || !are_apart(first_P0, second_P0, least_sine2)) return std::nullopt;
   return Aligned{rotation_of_pairs(first_N, second_N, first_P0, second_P0) * alignment_.q_P0P(), sigma};
 }

@@ -1,11 +1,13 @@
 // The errors of barometers and navigation solutions in a configuration.
 #include <cstdlib>
+#include <filesystem>
 #include <fstream>
 #include <iterator>
 #include <optional>
 #include <stdexcept>
 #include <string>
 #include <string_view>
+#include <system_error>
 
 #include "core/gps_time.hpp"
 #include "core/navigation/navigator.hpp"
@@ -179,16 +181,15 @@ void read_navigator(TableReader& table, const TruthConfig& truth, ImuConfig& imu
   tune(navigator, model);
 }
 
-}  // namespace
-
-namespace {
-
 // The age at which an almanac is probably not the one that was meant; chosen.
 constexpr std::int64_t oldest_weeks = 13;
 
 void read_almanac(TableReader& table, const TruthConfig& truth, GnssModel& gnss) {
   const std::string path = file_named(table, "gnss_almanac", table.text("gnss_almanac", ""));
   if (path.empty()) return;
+  std::error_code none;
+  if (std::filesystem::is_directory(path, none))
+    return table.fault("gnss_almanac", fmt::format("{}: is a directory", path));
   std::ifstream stream(path, std::ios::binary);
   const std::string text(std::istreambuf_iterator<char>(stream), {});
   if (!stream.is_open() || stream.bad()) return table.fault("gnss_almanac", fmt::format("{}: cannot be read", path));

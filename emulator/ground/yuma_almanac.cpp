@@ -38,7 +38,7 @@ enum Number : std::size_t {
 };
 constexpr double most = 1e3;
 constexpr Key keys[] = {
-    {"id", 1, 63},   {"health", 0, 511},  {"eccentricity", 0, 0.1}, {"time", 0, 604'800},      {"orbital", 0, 3.2},
+    {"id", 1, 63},   {"health", 0, 511},  {"eccentricity", 0, 0.1}, {"time", 0, 604'799},      {"orbital", 0, 3.2},
     {"rate", -1, 1}, {"sqrt", 2000, 1e4}, {"right", -most, most},   {"argument", -most, most}, {"mean", -most, most},
     {"af0", -1, 1},  {"af1", -1, 1},      {"week", 0, 1e4}};
 constexpr std::size_t key_count = std::size(keys);
@@ -118,6 +118,7 @@ std::vector<AlmanacOrbit> yuma_almanac(const std::string& text, std::int64_t nea
   }
   if (read.any()) throw fault("the last satellite lacks lines");
   if (satellites.none()) throw fault("there is no satellite; give an almanac in the YUMA format");
+  if (orbits.empty()) throw fault("no satellite is healthy; give another almanac");
   return orbits;
 }
 

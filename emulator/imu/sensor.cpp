@@ -51,7 +51,7 @@ void Sensor::pass_over() noexcept {
   if (solution_) {
     solution_->restart();
     // A heading that the host has given before the first run is the one at its begin.
-    if (!has_sampled_ && requests_.heading) solution_->give(*requests_.heading);
+    if (!has_run_ && requests_.heading) solution_->give(*requests_.heading);
   }
   has_sampled_ = false;
   has_leapt_ = true;
@@ -59,7 +59,7 @@ void Sensor::pass_over() noexcept {
 }
 
 void Sensor::sense(const Timeline& timeline, TruthTime time, std::uint64_t k) noexcept {
-  has_sampled_ = true;
+  has_sampled_ = has_run_ = true;
   is_resting_ = false;
   ::new (&sample_) Sample(imu_.sample(timeline, time, clock_.stamp(k)));  // in place: a copy is dear
   ahead_ = imu_.advanced_to() - timeline.newest();
@@ -157,7 +157,7 @@ void Sensor::exchange(Reload::Sensor& next) noexcept {
     clock_.change(grid_);
   }
   Acquisition acquisition(next.model.navigation.gnss, next.model.rate_hz);
-  acquisition.continue_from(acquisition_);
+  acquisition.continue_from(acquisition_, sample_.fix().is_known);
   acquisition_ = acquisition;
   next.oscillator.continue_from(oscillator_);
   std::swap(oscillator_, next.oscillator);

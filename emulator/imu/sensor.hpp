@@ -86,6 +86,7 @@ class Sensor {
   std::int64_t utc_offset_ns_ = 0;  // UTC, ns since 1970, less host time, if there are faults
   bool is_resting_ = false;
   bool has_sampled_ = false;     // in this run
+  bool has_run_ = false;         // has sampled a truth
   bool has_leapt_ = false;       // since the last sample
   TruthTime run_begin_;          // from which the times of faults count
   std::uint64_t power_ons_ = 0;  // after the first

@@ -10,10 +10,8 @@
 // sbgEComLogEkf.h, sbgEComLogStatus.h and doc/binaryMessages.md of sbgECom 05c19cd). The undulation is 0, so that the
 // altitude is the height above the ellipsoid. A magnetometer's arbitrary unit is taken as 50 uT.
 #include <algorithm>
-#include <cmath>
 
 #include "core/attitude.hpp"
-#include "core/numbers/elementary.hpp"
 #include "protocols/signals/signal_product.hpp"
 
 namespace imud {
@@ -103,15 +101,9 @@ double solution_status(const Reading& reading) noexcept {
 template <int Angle>
 double angle_accuracy(const Reading& reading) noexcept {
   if (!reading.sample.solution) return 0;
-  const Vector3 variance = reading.sample.solution->attitude.cast<double>().cwiseAbs2();
-  const Vector3 ypr = yaw_pitch_roll_from_dcm(reading.sample.q_LP.conjugate().toRotationMatrix());
-  const auto [sin_yaw, cos_yaw] = elementary::sincos(ypr[0]);
-  const auto [sin_pitch, cos_pitch] = elementary::sincos(ypr[1]);
-  const double ahead = cos_yaw * cos_yaw * variance.x() + sin_yaw * sin_yaw * variance.y();
-  const double across = sin_yaw * sin_yaw * variance.x() + cos_yaw * cos_yaw * variance.y();
-  const double level = std::max(cos_pitch * cos_pitch, 1e-12);
-  const double squares[] = {ahead / level, across, variance.z() + sin_pitch * sin_pitch / level * ahead};
-  return std::min(std::sqrt(squares[Angle]), Angle == 1 ? units::pi / 2 : units::pi);
+  const double sigma =
+      roll_pitch_yaw_deviations(reading.sample.q_LP, reading.sample.solution->attitude.cast<double>())[Angle];
+  return std::min(sigma, Angle == 1 ? units::pi / 2 : units::pi);
 }
 // The standard deviation of a component, at most 655.35 m, the largest in its field, or 327.67 m/s: SBG's document
 // has accuracies of velocities without a sign, its sbgCan.dbc with one. So it is while there is no place.

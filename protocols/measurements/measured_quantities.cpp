@@ -180,7 +180,7 @@ double angle_deviation(const Reading& r) noexcept {
   return roll_pitch_yaw_deviations(r.sample.q_LP, r.sample.solution->attitude.cast<double>())[Angle];
 }
 // While it aligns or has no place, a status has none to judge by.
-double heading_deviation(const Reading& r) noexcept { return navigates(r) != 0 ? attitude_deviation<2>(r) : 0; }
+double heading_deviation(const Reading& r) noexcept { return navigates(r) != 0 ? angle_deviation<2>(r) : 0; }
 // While there is no place, its deviation is as if the unit were anywhere on the Earth, at any orbital speed.
 template <Eigen::Vector3f Solution::*Member, int Axis>
 double deviation(const Reading& r) noexcept {

@@ -241,7 +241,9 @@ void Fields::put_aiding_summaries(Packet& packet, DeviceTime at) const noexcept 
                                                 {0, magnetometer, aid::magnetic_heading}};
   const std::optional<Solution>& solution = sample_.solution;
   const unsigned fixes = is_known() ? aid::position | aid::velocity : 0U;
-  const unsigned used = solution ? solution->used : fixes, rejected = solution ? solution->rejected : 0U;
+  const unsigned withheld = requests_.aids.withheld;
+  const unsigned used = (solution ? solution->used : fixes) & ~withheld,
+                 rejected = solution ? solution->rejected & ~withheld : 0U;
   const double second = knows_time() ? 1e-9 * static_cast<double>(true_gps_ns(at) % gps_week_ns) : 0;
   for (const Aid& one : memory_.model().is(gq7) ? std::span<const Aid>(of_gq7) : std::span<const Aid>(of_cv7)) {
     if (!packet.has_room_for(sizeof(float) + 3)) return;
@@ -249,8 +251,8 @@ void Fields::put_aiding_summaries(Packet& packet, DeviceTime at) const noexcept 
     packet.put_float(second);
     packet.put(one.source);
     packet.put(one.type);
-    packet.put(
-        static_cast<std::uint8_t>(1U | ((used & one.bits) != 0 ? 2U : 0U) | ((rejected & one.bits) != 0 ? 4U : 0U)));
+    packet.put(static_cast<std::uint8_t>(((withheld & one.bits) == 0 ? 1U : 0U) | ((used & one.bits) != 0 ? 2U : 0U) |
+                                         ((rejected & one.bits) != 0 ? 4U : 0U)));
     packet.end();
   }
 }

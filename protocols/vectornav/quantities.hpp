@@ -72,14 +72,17 @@ class Quantities {
                                       ((s_.status >> 3 & 7U) != 0 ? accelerometer_bit : 0));
   }
 
-  // --- Attitude; only tared_q() and tared_ypr_deg() include the tare ---
+  // --- Attitude; only tared_q(), tared_ypr_deg() and ypr_error_deg() include the tare ---
   Quaternion tared_q() const noexcept { return r_.tare * s_.q_LP; }
   Vector3 tared_ypr_deg() const noexcept {
     return yaw_pitch_roll_from_dcm(tared_q().conjugate().toRotationMatrix()) / units::degree;
   }
   Vector3 ypr_error_deg() const noexcept {
-    if (is_filter_)
-      return roll_pitch_yaw_deviations(s_.q_LP, s_.solution->attitude.cast<double>()).reverse() / units::degree;
+    if (is_filter_) {
+      const Matrix3 tare = r_.tare.toRotationMatrix();
+      const Vector3 variance = tare.cwiseAbs2() * s_.solution->attitude.cast<double>().cwiseAbs2();
+      return roll_pitch_yaw_deviations(tared_q(), variance.cwiseSqrt()).reverse() / units::degree;
+    }
     return figure_or(r_.figures.attitude.reverse() / units::degree, Vector3::Constant(attitude_error_deg));
   }
   Vector3 magnetic_L() const noexcept { return s_.q_LP * magnetic(); }

@@ -21,8 +21,8 @@ import sys
 import urllib.parse
 import uuid
 
-# imud opens it when it reads a capture (debian/rules has it among the dependencies).
-LOADED = {"libpcap.so.0.8": "opened when a capture is read"}
+# imud opens these itself (debian/rules has them among the dependencies).
+LOADED = {"libpcap.so.0.8": "opened when a capture is read", "libncursesw.so.6": "opened by imud top"}
 # The names of machine-readable copyright files, and SPDX's where these are others (clause 10, Annex A of the specification).
 LICENSES = {"Expat": "MIT", "MIT": "MIT", "BSD-2-clause": "BSD-2-Clause", "BSD-3-clause": "BSD-3-Clause", "BSL-1.0": "BSL-1.0",
             "MPL-2": "MPL-2.0", "MPL-2.0": "MPL-2.0", "Zlib": "Zlib", "GPL-2": "GPL-2.0-only"}

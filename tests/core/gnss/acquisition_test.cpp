@@ -46,9 +46,18 @@ TEST(Acquisition, SearchesAfterPowerOnAndAfterAnOutage) {
   EXPECT_EQ(samples_without(), 30);
   model.reacquire_s = 2;
   Acquisition other(model, 10);
-  other.continue_from(receiver);
+  other.continue_from(receiver, true);
   receiver = other;
   EXPECT_EQ(samples_without(), 0);
+  lose(1);
+  EXPECT_EQ(samples_without(), 20);
+  // The times of a receiver that has had a fix without a search; and of one whose outage has not ended.
+  Acquisition later(model, 10);
+  later.continue_from(Acquisition({}, 10), true);
+  receiver = later;
+  EXPECT_EQ(samples_without(), 0);
+  later.continue_from(receiver, false);
+  receiver = later;
   lose(1);
   EXPECT_EQ(samples_without(), 20);
 }
