@@ -59,6 +59,8 @@ TEST(YumaAlmanac, AFaultHasALineAndARemedy) {
             "line 29: the satellite 1 is there twice");
   EXPECT_EQ(why(text.substr(0, 300), "", ""), "line 8: the last satellite lacks lines");
   EXPECT_EQ(why(text, "8.000000000000E-03", "nan"), "line 4: \"Eccentricity\": give a number from 0 to 0.1");
+  const std::string unhealthy = yuma_lines(orbit_of(1), 63, constellation_week);
+  EXPECT_NE(why(unhealthy, "", "").find("no satellite is healthy; give another almanac"), std::string::npos);
 }
 
 class ReceiverKeysTest : public testing::Test {
@@ -88,6 +90,8 @@ TEST_F(ReceiverKeysTest, AreChecked) {
   std::ofstream(folder_ / "mine.yuma") << yuma_text();
   const std::string almanac = "gnss_almanac = \"mine.yuma\"\n";
   EXPECT_EQ(said_of(almanac + "gnss_mask_deg = 10\ngnss_multipath_m = 3\n"), "");
+  std::filesystem::create_directory(folder_ / "folder");
+  EXPECT_NE(said_of("gnss_almanac = \"folder\"\n").find("is a directory"), std::string::npos);
   EXPECT_TRUE(contains(said_of(almanac, "2027-01-07T16:44:30Z"), "more than 13 weeks from earth.start"));
   EXPECT_TRUE(contains(said_of("gnss_almanac = \"none.yuma\"\n"), "none.yuma: cannot be read"));
   EXPECT_TRUE(contains(said_of("gnss_mask_deg = 10\n"), "gnss_mask_deg: needs gnss_almanac"));

@@ -208,6 +208,11 @@ TEST(SolutionStatus, OfAdvancedNavigation) {
   EXPECT_EQ(first("24", 8, drifts), 30) << "m down";
   EXPECT_EQ(first("25", 0, drifts), 0.2F) << "m/s north";
   EXPECT_NEAR(first("26", 8, drifts), 1.5 * units::degree, 1e-7) << "rad of heading";
+  Sample east = drifts;
+  east.q_LP = exp(Vector3(0, 0, units::pi / 2));
+  east.solution->attitude = {0.001F, 0.002F, 0.03F};
+  EXPECT_NEAR(first("26", 0, east), 0.002, 1e-7) << "rad of roll: a rotation about east";
+  EXPECT_NEAR(first("26", 4, east), 0.001, 1e-7) << "rad of pitch";
   EXPECT_EQ(first("24", 0, aligning(over_jena())), 2e7F) << "anywhere";
 }
 

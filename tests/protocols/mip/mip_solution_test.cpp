@@ -257,6 +257,8 @@ TEST(MipSolution, AidsThatAreUsedOrRejected) {
   sample.solution->used = aid::magnetic_heading;
   EXPECT_EQ(aids_in(gq7.packet(sample)),
             (Aids{{1, 1, enabled}, {2, 1, enabled}, {0, 2, enabled}, {0, 4, enabled}, {0, 5, used}}));
+  EXPECT_EQ(gq7.unit().code(command(0x0D, 0x50, {1, 0, 4, 0})), 0);
+  EXPECT_EQ(aids_in(gq7.packet(sample)).back(), (std::array{0, 5, 0})) << "the host has switched it off";
   FilterUnit cv7("3dm-cv7-ins", {0x46});
   EXPECT_EQ(aids_in(cv7.packet(known)), (Aids{{1, 34, used}, {1, 41, used}, {0, 4, enabled}, {0, 5, enabled}}));
   sample = aided(known);
