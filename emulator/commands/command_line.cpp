@@ -328,6 +328,8 @@ int execute(int argc, const char* const* argv) {
     for (const std::string& limits : arguments.limits)
       for (Requirement& limit : parse_requirements(limits)) arguments.run.required.push_back(std::move(limit));
     collect_outputs(arguments);
+    if (arguments.config.empty() && (run_command->parsed() || check_command->parsed()))
+      arguments.config = found_config();
     arguments.run.config_file = arguments.config;
     arguments.run.record.max_bytes = 1'000'000 * record_max_mb;
     if (arguments.run.record.file == "-" && record_max_mb > 0)
@@ -338,8 +340,6 @@ int execute(int argc, const char* const* argv) {
       throw OpenError("--record-files: needs --record-max-mb");
     if (list_command->parsed()) return list(arguments.name, json);
     if (example_command->parsed()) return only_model ? example_model(arguments.name) : example(arguments.name);
-    if (arguments.config.empty() && (run_command->parsed() || check_command->parsed()))
-      arguments.config = found_config();
     if (check_command->parsed()) {
       const CapturePort capture(arguments.capture, arguments.config);
       return check(arguments.config, arguments.overrides,

@@ -38,6 +38,9 @@ namespace {
 
 namespace fs = std::filesystem;
 
+volatile std::sig_atomic_t ended_by = 0;  // a signal
+extern "C" void note_signal(int signal) { ended_by = signal; }
+
 constexpr std::string_view flight = "tests/captures/jsbsim_c172_10s.pcap", configuration = "tools/demo.toml";
 
 // A folder of the demonstration's own, which is removed at its end.
@@ -68,18 +71,10 @@ class Child {
     posix_spawn_file_actions_init(&actions);
     posix_spawn_file_actions_adddup2(&actions, output, STDOUT_FILENO);
     posix_spawn_file_actions_addopen(&actions, STDERR_FILENO, errors.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0600);
-    posix_spawnattr_t attributes;
-    posix_spawnattr_init(&attributes);
-    sigset_t defaults;
-    sigemptyset(&defaults);
-    sigaddset(&defaults, SIGINT);
-    posix_spawnattr_setsigdefault(&attributes, &defaults);
-    posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETSIGDEF);
     std::vector<char*> arguments;
     for (const std::string& word : words) arguments.push_back(const_cast<char*>(word.c_str()));
     arguments.push_back(nullptr);
-    const int error = ::posix_spawn(&id_, arguments.front(), &actions, &attributes, arguments.data(), environ);
-    posix_spawnattr_destroy(&attributes);
+    const int error = ::posix_spawn(&id_, arguments.front(), &actions, nullptr, arguments.data(), environ);
     posix_spawn_file_actions_destroy(&actions);
     if (error != 0) throw OpenError(fmt::format("{}: {}", words.front(), std::strerror(error)));
   }
@@ -149,7 +144,7 @@ void print_rows(int descriptor) {
   double next_s = 0;
   std::vector<std::string> cells;
   fmt::print("\n{:>8}  {:^29}  {:^29}\n", "time, s", "rate, deg/s", "specific force, m/s^2");
-  while (::getline(&line, &room, file) > 0) {
+  while (ended_by == 0 && ::getline(&line, &room, file) > 0) {
     std::string text(line);
     text.erase(text.find_last_not_of("\r\n") + 1);
     boost::split(cells, text, boost::is_any_of(","));
@@ -193,7 +188,11 @@ int demo(const DemoOptions& options) {
   const std::string port = pty_at(folder / "imu1");
   const std::string summary = folder / "summary", log = folder / "log", report = folder / "report";
 
-  std::signal(SIGINT, SIG_IGN);  // both programs get it from the terminal, and end
+  // Both programs get a Ctrl-C from the terminal, and end. After the other signals they are ended, and the folder is
+  // removed.
+  struct sigaction action = {};
+  action.sa_handler = note_signal;  // without SA_RESTART: a wait returns
+  for (const int signal : {SIGINT, SIGTERM, SIGHUP, SIGPIPE}) ::sigaction(signal, &action, nullptr);
   const FileDescriptor output(::open(summary.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0600));
   fmt::print("$ imud run {}    # with the flight {}\n", (data / configuration).string(), (data / flight).string());
   std::vector<std::string> words = {program,
@@ -209,13 +208,14 @@ int demo(const DemoOptions& options) {
                                     "control.socket=none"};
   if (options.duration_s) words.insert(words.end(), {"--for", fmt::format("{}", *options.duration_s)});
   Child running(words, output.get(), log);
-  while (running.runs() && !fs::is_symlink(folder / "imu1")) std::this_thread::sleep_for(10ms);
+  while (ended_by == 0 && running.runs() && !fs::is_symlink(folder / "imu1")) std::this_thread::sleep_for(10ms);
   std::array<int, 2> rows{};
   if (::pipe2(rows.data(), O_CLOEXEC) != 0) throw OpenError(std::strerror(errno));
   fmt::print("$ imu-decode native {}\n", port);
   Child decoding({decoder, "native", port}, rows[1], report);
   ::close(rows[1]);
   print_rows(rows[0]);
+  if (ended_by != 0 && ended_by != SIGINT) return 128 + ended_by;
 
   constexpr int incomplete = 3;  // the flight was shortened
   const int decoded = decoding.wait(), ran = running.wait();
@@ -223,6 +223,7 @@ int demo(const DemoOptions& options) {
   print_indented(text_of(report));
   fmt::print("the summary of imud:\n");
   print_indented(text_of(summary));
+  if (ended_by == SIGINT) return 128 + SIGINT;
   if (decoded == 0 && (ran == 0 || (ran == incomplete && options.duration_s))) return 0;
   std::fflush(stdout);
   fmt::print(stderr, "{}imud: the demonstration has failed\n", text_of(log));

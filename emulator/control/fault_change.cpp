@@ -68,10 +68,6 @@ void check_permission(const FaultBook& faults) {
                    "this run cannot fail by control; give faults = true in [control] of its configuration");
 }
 
-}  // namespace
-
-namespace {
-
 // Begins the fault that the text describes. `params`: for the event.
 Change begin_fault(std::string text, const Json& params, const ChangeContext& context) {
   const auto& [config, faults] = context;

@@ -5,6 +5,8 @@
 
 #include <chrono>
 #include <cstdio>
+#include <cstdlib>
+#include <string_view>
 
 #include "transports/host_clock.hpp"
 
@@ -12,6 +14,13 @@ namespace imud {
 namespace {
 
 bool is_hidden = false;
+
+// A terminal that erases the end of a line.
+bool is_terminal() {
+  const char* const kind = std::getenv("TERM");
+  return ::isatty(STDERR_FILENO) == 1 && kind != nullptr && std::string_view(kind) != "dumb";
+}
+
 constexpr Nanoseconds first = std::chrono::milliseconds(500), interval = std::chrono::milliseconds(200);
 
 }  // namespace
@@ -25,9 +34,7 @@ std::string time_left(double elapsed_s, double done) {
 }
 
 ProgressLine::ProgressLine(bool is_wanted)
-    : is_active_(is_wanted && !is_hidden && ::isatty(STDERR_FILENO) == 1),
-      begin_(host_now()),
-      next_(begin_ + first) {}
+    : is_active_(is_wanted && !is_hidden && is_terminal()), begin_(host_now()), next_(begin_ + first) {}
 
 void ProgressLine::hide_all() noexcept { is_hidden = true; }
 

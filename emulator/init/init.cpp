@@ -8,11 +8,14 @@
 #include <algorithm>
 #include <array>
 #include <boost/algorithm/string/case_conv.hpp>
+#include <boost/algorithm/string/replace.hpp>
 #include <cerrno>
 #include <charconv>
 #include <cstdio>
 #include <cstring>
+#include <filesystem>
 #include <string_view>
+#include <system_error>
 #include <vector>
 
 #include "emulator/config/load_config.hpp"
@@ -37,7 +40,9 @@ std::span<const std::string_view> units_of(const Protocol& protocol) {
 // Returns a word as a shell takes it.
 std::string shell_word(const std::string& text) {
   constexpr std::string_view plain = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-_./:,=+@%";
-  return !text.empty() && text.find_first_not_of(plain) == text.npos ? text : "'" + text + "'";
+  return !text.empty() && text.find_first_not_of(plain) == text.npos
+             ? text
+             : "'" + boost::replace_all_copy(text, "'", "'\\''") + "'";
 }
 
 std::string frame_of(const InitOptions& options, const ChosenTruth& truth, const std::string& imu) {
@@ -74,8 +79,13 @@ void print_next(const InitOptions& options, const ChosenProduct& product, const 
   fmt::print("{} is written. Next:\n", options.output);
   fmt::print("  imud check {}    # shows what the run would be\n", file);
   fmt::print("  imud run {}    # until Ctrl-C\n", file);
-  fmt::print("  imu-decode {} {}{}    # a client, in another terminal\n", product.protocol->name,
-             shell_word(options.port), unit);
+  const Transport& port = *transport_of(options.port);
+  // The client has the same address where there is a link, a file, or a receiver of datagrams.
+  if (port.ends || port.makes_link || (port.keeps_datagrams && !port.has_path))
+    fmt::print("  imu-decode {} {}{}    # a client, {}\n", product.protocol->name, shell_word(options.port), unit,
+               port.ends ? "after the run" : "in another terminal");
+  else
+    fmt::print("The flight computer is the client, at the other end of {}.\n", options.port);
   if (!truth.remark.empty()) fmt::print("{}\n", truth.remark);
   if (!truth.start.empty()) fmt::print("and, while imud runs, start {}\n", truth.start);
 }
@@ -183,6 +193,9 @@ int init(InitOptions options) {
       has_clock ? "" : "# what paces the samples (one of realtime, lockstep, fast)\n#clock = \"realtime\"\n",
       truth.toml, frame_of(options, truth, imu), imu);
   config_of_text(text);
+  std::error_code none;
+  if (std::filesystem::equivalent(options.output, options.from, none))
+    throw OpenError(fmt::format("{} is the captured file; give another --output", options.output));
   write(options.output, text, options.is_forced);
   print_next(options, product, truth);
   return 0;

@@ -41,10 +41,12 @@ ChosenTruth with_port(ChosenTruth truth, const std::string& port) {
   const std::string number = old.substr(begin);
   const bool is_number = port.find_first_not_of("0123456789") == port.npos;
   if (is_number && number.empty()) throw OpenError(fmt::format("{} has no number; give a port", old));
-  const std::size_t digits = port.find_last_not_of("0123456789") + 1;
+  const std::string address = port.substr(0, port.find('?'));  // without options
+  const std::size_t digits = address.find_last_not_of("0123456789") + 1;
   const std::string text = is_number ? old.substr(0, begin) + port : port;
   truth.toml.replace(static_cast<std::size_t>(match.position(3)), old.size(), text);
-  if (!number.empty() && digits < port.size()) truth.start = with_number(truth.start, number, port.substr(digits));
+  if (!number.empty() && digits < address.size())
+    truth.start = with_number(truth.start, number, address.substr(digits));
   return truth;
 }
 
@@ -114,8 +116,12 @@ ChosenTruth choose_truth(const std::string& from, const std::string& port) {
                      port);
   std::error_code none;
   const Transport* transport = transport_of(from);
-  if (std::filesystem::is_regular_file(from, none) || (transport != nullptr && transport->ends))
+  if (std::filesystem::is_regular_file(from, none) || (transport != nullptr && transport->ends)) {
+    if (!port.empty())
+      throw OpenError(fmt::format("{} is a capture, from which --truth takes no port; give --from {}?port=NUMBER",
+                                  from, transport != nullptr ? from : capture_port(from)));
     return of_capture(from);
+  }
   std::vector<std::string> known;
   for (const Simulator& simulator : simulators()) known.emplace_back(simulator.name);
   const std::string all =

@@ -241,9 +241,11 @@ int run(const Config& config, const RunOptions& options) {
   const auto clients = [&] {
     return ControlApi::Run::Clients{server ? server->clients() : 0, web ? web->connections() : 0};
   };
-  ControlApi api(
-      io, {instance, named, control, monitor, counters, quit, engine.faults(), reloader, options.repeats,
-           options.config_file == "-" ? "-" : std::filesystem::absolute(options.config_file).string(), clients});
+  ControlApi api(io, {instance, named, control, monitor, counters, quit, engine.faults(), reloader, options.repeats,
+                      options.config_file.empty() || options.config_file == "-"
+                          ? options.config_file
+                          : std::filesystem::absolute(options.config_file).lexically_normal().string(),
+                      clients});
   reload = [&api] { api.reload(); };
   server->start(api);
   if (web) {

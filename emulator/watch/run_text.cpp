@@ -29,6 +29,16 @@ std::string hindrance(const Json& imu) {
 
 }  // namespace
 
+std::string printable(std::string text) {
+  const auto byte_at = [&text](std::size_t i) { return i < text.size() ? static_cast<unsigned char>(text[i]) : 0U; };
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    const unsigned byte = byte_at(i), next = byte_at(i + 1);
+    if (byte == 0xC2 && next >= 0x80 && next < 0xA0) text.replace(i, 2, "?");  // in UTF-8
+    if ((byte < 0x20 && byte != '\n') || byte == 0x7F) text[i] = '?';
+  }
+  return text;
+}
+
 std::vector<std::string> table_lines(const std::vector<std::vector<std::string>>& rows,
                                      const std::vector<std::size_t>& left) {
   std::vector<std::string> lines;

@@ -13,6 +13,10 @@ namespace imud {
 std::vector<std::string> table_lines(const std::vector<std::vector<std::string>>& rows,
                                      const std::vector<std::size_t>& left);
 
+// Returns the text with ? in place of what a terminal executes: control characters but the end of a line, in UTF-8
+// too.
+std::string printable(std::string text);
+
 // Returns "0:03:05" for 185 s, "2 d 0:03:05" for two days more.
 std::string duration_text(double duration_s);
 

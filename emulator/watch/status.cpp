@@ -2,9 +2,11 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cstdint>
 #include <cstdio>
+#include <string>
 #include <string_view>
 #include <utility>
 #include <vector>
@@ -38,7 +40,7 @@ void ask(Found& found) {
 void take_answer(Found& found, HostTime until) {
   const auto line = found.connection.receive(until);
   const Json response = line ? Json::parse(*line, nullptr, false) : Json();
-  if (!response.is_object() || !response.contains("result")) return;
+  if (!response.is_object() || !response.contains("result") || !response["result"].is_object()) return;
   found.state = "running";
   found.answer = response["result"];
 }
@@ -73,6 +75,15 @@ std::string text(const Found& found) {
   return out;
 }
 
+// The same for a terminal, also of an answer whose types this version does not know.
+std::string shown(const Found& found) {
+  try {
+    return printable(text(found));
+  } catch (const Json::exception&) {
+    return printable(fmt::format("{}: its answer is one that this version does not know\n", found.instance.name));
+  }
+}
+
 }  // namespace
 
 int show_status(const StatusOptions& options) {
@@ -101,11 +112,11 @@ int show_status(const StatusOptions& options) {
       run.update(found.answer);
       runs.push_back(std::move(run));
     }
-    fmt::print("{}\n", Json({{"runs", std::move(runs)}}).dump(2));
+    fmt::print("{}\n", Json({{"runs", std::move(runs)}}).dump(2, ' ', false, Json::error_handler_t::replace));
   } else if (all.empty()) {
-    fmt::print(stderr, "imud: {}\n", none_text(instances, options.name));
+    fmt::print(stderr, "imud: {}\n", printable(none_text(instances, options.name)));
   } else {
-    for (const Found& found : all) fmt::print("{}", text(found));
+    for (const Found& found : all) fmt::print("{}", shown(found));
   }
   return running > 0 && silent == 0 ? 0 : 1;
 }

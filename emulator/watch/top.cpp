@@ -11,6 +11,7 @@
 #include <cstdio>
 #include <optional>
 #include <stdexcept>
+#include <string>
 #include <string_view>
 
 #include "emulator/control/line_connection.hpp"
@@ -28,11 +29,22 @@ int refuse(std::string_view why, int exit_code) {
   return exit_code;
 }
 
+// A run that is stopped reads nothing: a request for which its socket has no room is left out, since it would wait.
 void request(LineConnection& run, Json call) {
+  pollfd room{run.descriptor(), POLLOUT, 0};
+  if (run && (::poll(&room, 1, 0) <= 0 || (room.revents & POLLOUT) == 0)) return;
   Json all = {{"jsonrpc", "2.0"}};
   all.update(call);
   all["id"] = 1;
   run.send(json_line(all));
+}
+
+// A message that has not the types of this version is passed over.
+void take(TopView& view, const std::string& line) {
+  try {
+    if (const Json message = Json::parse(line, nullptr, false); message.is_object()) view.take(message, host_now());
+  } catch (const Json::exception&) {
+  }
 }
 
 // The signals that end the view or change its size, from a descriptor in place of handlers.
@@ -62,9 +74,7 @@ std::optional<int> show(LineConnection& run, TopView& view, Signals& signals) {
   Terminal terminal;
   HostTime asked = host_now();
   for (;;) {
-    while (const auto line = run.receive(host_now()))
-      if (const Json message = Json::parse(*line, nullptr, false); message.is_object())
-        view.take(message, host_now());
+    while (const auto line = run.receive(host_now())) take(view, *line);
     if (!run) return std::nullopt;
     for (int key = terminal.read_key(); key != Terminal::none && !view.quits(); key = terminal.read_key())
       if (const Json call = view.take_key(key); !call.is_null()) request(run, call);
@@ -102,7 +112,7 @@ int top(const std::string& name) {
   if (run) request(run, {{"method", "status"}});
   const auto first = run.receive(host_now() + 2s);
   if (!first) return refuse(fmt::format("{} does not answer: its process is stopped or too busy", instance->name), 1);
-  if (const Json message = Json::parse(*first, nullptr, false); message.is_object()) view.take(message, host_now());
+  take(view, *first);
   request(run, {{"method", "list"}});
   for (const char* what : {"counters", "events"})
     request(run, {{"method", "subscribe"}, {"params", {{"what", what}}}});

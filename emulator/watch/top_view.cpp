@@ -31,14 +31,15 @@ std::string event_text(const Json& event) {
 void TopView::take(const Json& message, HostTime now) {
   heard_ = now;
   if (const auto error = message.find("error"); error != message.end()) {
-    message_ = error->value("message", std::string("refused"));
+    message_ = error->is_object() ? error->value("message", std::string("refused")) : "refused";
     return;
   }
   if (const std::string method = message.value("method", std::string()); !method.empty()) {
-    const Json& params = message["params"];
-    if (method == "counters") interval_ = params;
+    const auto params = message.find("params");
+    if (params == message.end() || !params->is_object()) return;
+    if (method == "counters") interval_ = *params;
     if (method == "event") {
-      events_.push_back(event_text(params));
+      events_.push_back(event_text(*params));
       if (events_.size() > most_events) events_.pop_front();
     }
     return;

@@ -5,11 +5,14 @@ usage: status_test.py BUILD_FOLDER SOURCE_FOLDER
 import datetime
 import json
 import os
+import shutil
 import signal
 import socket
+import subprocess
+import threading
 import unittest
 
-from runs import RunsTest
+from runs import IMUD, RunsTest
 
 STOPPED_ANSWERS_S = 2
 
@@ -114,9 +117,36 @@ class StatusTest(RunsTest):
         self.environment["XDG_RUNTIME_DIR"] = str(self.folder / "other")
         os.chown(self.folder / "other", 65534, 65534)
         self.socket("a").rename(self.folder / "other/imud-a.sock")
-        code, text = self.imud("status", "a", user=65534, group=65534)
-        self.assertEqual(code, 1)
-        self.assertIn("a: belongs to another user", text)
+        program = self.folder / "imud"  # where that user can execute it
+        shutil.copy(IMUD, program)
+        program.chmod(0o755)
+        done = subprocess.run([program, "status", "a"], env=self.environment, capture_output=True, text=True, timeout=120,
+                              user=65534, group=65534)
+        self.assertEqual(done.returncode, 1)
+        self.assertIn("a: belongs to another user", done.stdout + done.stderr)
+
+    def test_an_answer_is_not_executed_by_the_terminal(self):
+        """What answers at a socket may be anything, and what it says is shown, not executed."""
+        listening = socket.socket(socket.AF_UNIX)
+        self.addCleanup(listening.close)
+        listening.bind(str(self.socket("a")))
+        listening.listen()
+        for answer, expected in [({"version": "\x1b]0;owned\x07\x9b2J"}, "version ?]0;owned??2J"), (5, "has not answered"),
+                                 ({"pid": "many"}, "does not know")]:
+            def serve():
+                for _ in range(2):  # the search for runs, and the question
+                    connection = listening.accept()[0]
+                    with connection, connection.makefile("rw") as lines:
+                        if lines.readline():
+                            print(json.dumps({"jsonrpc": "2.0", "id": 1, "result": answer}, ensure_ascii=False), file=lines, flush=True)
+                            lines.readline()
+            server = threading.Thread(target=serve, daemon=True)
+            server.start()
+            text = self.imud("status")[1]
+            server.join()
+            self.assertIn(expected, text)
+            self.assertNotIn("\x1b", text)
+            self.assertNotIn("\x9b", text)
 
 
 if __name__ == "__main__":

@@ -5,6 +5,7 @@ usage: systemd_test.py BUILD_FOLDER SOURCE_FOLDER
 Needs root, systemd and a kernel that has cgroup2; otherwise nothing is tested, and the exit code is 77. /etc, /var and /usr/local are
 overlays, /run is empty: nothing of it stays. The units of Debian that a start needs are stand-ins without work.
 """
+import atexit
 import json
 import os
 import pathlib
@@ -54,14 +55,23 @@ gyro.bias_rad_per_s = [{bias}, 0, 0]
 """
 
 
+class Missing(Exception):
+    """This machine cannot have a systemd in namespaces."""
+
+
 class Namespaces:
-    """A systemd that has booted. Throws RuntimeError if this machine cannot have one."""
+    """A systemd that has booted. Throws Missing."""
 
     def __init__(self):
         mounts = [line.split() for line in pathlib.Path("/proc/mounts").read_text().splitlines()]
         self.cgroup = pathlib.Path(next((mount[1] for mount in mounts if mount[2] == "cgroup2"), "/nowhere"), f"imud-test-{os.getpid()}")
         if os.geteuid() != 0 or not shutil.which("systemctl"):
-            raise RuntimeError("needs root, and systemd")
+            raise Missing("needs root, and systemd")
+        try:
+            self.cgroup.mkdir()
+        except OSError as why:
+            raise Missing(f"no cgroup2: {why}") from why
+        self.process = None
         self.folder = pathlib.Path(tempfile.mkdtemp())
         (self.folder / "units").mkdir()
         for name in STAND_INS:
@@ -71,16 +81,16 @@ class Namespaces:
                                                              "Wants=systemd-journald.service\n")
         for name in ("systemd-journald.service", "systemd-journald.socket", "systemd-journald-dev-log.socket"):
             shutil.copy(f"/lib/systemd/system/{name}", self.folder / "units")
-        self.cgroup.mkdir()
-        command = ["unshare", "--mount", "--pid", "--fork", "--ipc", "--uts", "--cgroup", "--kill-child", "bash", "-c", BOOT, "boot",
+        atexit.register(self.end)
+        command = ["setpriv", "--pdeathsig", "KILL", "unshare", "--mount", "--pid", "--fork", "--ipc", "--uts", "--cgroup", "--kill-child", "bash", "-c", BOOT, "boot",
                    BUILD, self.folder, SYSTEM]
         self.process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
                                         preexec_fn=lambda: (self.cgroup / "cgroup.procs").write_text(str(os.getpid())))
         end = time.monotonic() + LIMIT_S
         while self.run("systemctl", "is-active", "multi-user.target", "systemd-journald.service")[1] != "active\nactive\n":
             if self.process.poll() is not None or time.monotonic() > end:
-                self.end()
-                raise RuntimeError("no systemd could be started")
+                self.process.kill()
+                raise AssertionError("systemd has not started: " + self.process.communicate()[0].decode(errors="replace"))
             time.sleep(0.1)
 
     def first(self):
@@ -97,8 +107,9 @@ class Namespaces:
         return done.returncode, done.stdout + done.stderr
 
     def end(self):
-        self.process.kill()
-        self.process.communicate()
+        if self.process:
+            self.process.kill()
+            self.process.communicate()
         for _ in range(100):  # the kernel ends what was in it
             for path in sorted(self.cgroup.rglob("*"), reverse=True):
                 if path.is_dir():
@@ -215,13 +226,10 @@ class SystemdTest(unittest.TestCase):
 
 
 if __name__ == "__main__":
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))
+    signal.signal(signal.SIGTERM, lambda *_: os.kill(os.getpid(), signal.SIGINT))
     try:
         SystemdTest.system = Namespaces()
-    except (RuntimeError, OSError) as why:
+    except Missing as why:
         print(f"nothing is tested: {why}")
         sys.exit(77)
-    try:
-        unittest.main()
-    finally:
-        SystemdTest.system.end()
+    unittest.main()

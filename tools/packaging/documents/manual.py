@@ -99,7 +99,7 @@ class Manual:
                       "The configuration of run and check if none is given: the first of these that exists. XDG_CONFIG_HOME takes "
                       "the place of ~/.config.")
             page.item("\\fI/etc/imud/NAME.toml\\fR", "The configuration of the service imud@NAME.")
-            page.item("\\fI/run/imud/NAME\\fR", "The folder of its ptys and of its control socket.")
+            page.item("\\fI/run/imud\\fR", "The folder of its ptys and of its control socket, imud-NAME.sock.")
             page.item("\\fI/usr/share/imud\\fR", "Examples, scenarios, bridges to simulators, a captured flight, and all README.md pages.")
         return self.see_also(page)
 
