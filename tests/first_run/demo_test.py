@@ -6,6 +6,7 @@ import os
 import pathlib
 import pty
 import re
+import signal
 import subprocess
 import sys
 import tempfile
@@ -56,6 +57,18 @@ class DemoTest(unittest.TestCase):
         self.assertEqual(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), 0, text)
         os.close(terminal)
         self.expect_flight(text, 2)
+
+    def test_nothing_is_left_behind_by_a_signal(self):
+        for number, exit_code in (signal.SIGTERM, 143), (signal.SIGINT, 130):
+            demo = subprocess.Popen([IMUD, "demo"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=self.environment,
+                                    start_new_session=True)
+            while not ROW.match(line := demo.stdout.readline()):
+                self.assertTrue(line, "the demonstration has ended")
+            os.killpg(demo.pid, number) if number == signal.SIGINT else demo.send_signal(number)  # a terminal signals all
+            demo.communicate()
+            self.assertEqual(demo.returncode, exit_code)
+            self.assertEqual(list(self.folder.iterdir()), [], "is left behind")
+            self.assertRaises(ProcessLookupError, os.killpg, demo.pid, 0)
 
     def test_a_missing_flight(self):
         """A program that was copied alone."""

@@ -181,6 +181,9 @@ class TopTest(RunsTest):
         run.send_signal(signal.SIGCONT)
         self.wait_for(lambda rows: not any("NO ANSWER" in row for row in rows))
         run.send_signal(signal.SIGSTOP)
+        for _ in range(40):  # more requests than its socket has room for
+            self.type("c" * 20)
+            self.read(0.05)
         self.type("q")
         self.expect_end(0)
         self.open("bench")  # it does not begin with a screen that stays empty
