@@ -57,7 +57,7 @@ std::vector<std::string> table_lines(const std::vector<std::vector<std::string>>
   return lines;
 }
 
-std::string duration_text(double duration_s) {
+std::string run_time_text(double duration_s) {
   const auto all = static_cast<std::uint64_t>(std::max(0.0, duration_s));
   constexpr std::uint64_t day = 86400, hour = 3600, minute = 60;
   return fmt::format("{}{}:{:02}:{:02}", all < day ? "" : fmt::format("{} d ", all / day), all % day / hour,

@@ -18,7 +18,7 @@ std::vector<std::string> table_lines(const std::vector<std::vector<std::string>>
 std::string printable(std::string text);
 
 // Returns "0:03:05" for 185 s, "2 d 0:03:05" for two days more.
-std::string duration_text(double duration_s);
+std::string run_time_text(double duration_s);
 
 // Returns the table of the imus: product, configured rate, figures and port. `status`: the answer to `status`.
 // `counters`: the figures to show, which have the layout of its member `counters`: of the whole run, or of an

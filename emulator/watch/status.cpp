@@ -66,7 +66,7 @@ std::string text(const Found& found) {
       "socket, {} "
       "of the page\n",
       name, run.value("pid", 0), run.value("started", std::string("?")),
-      duration_text(counters.value("duration_s", 0.0)), run.value("clock", std::string("?")),
+      run_time_text(counters.value("duration_s", 0.0)), run.value("clock", std::string("?")),
       run.value("version", std::string("?")), run.value("config", std::string("?")),
       control - std::min<std::uint64_t>(control, 1), web);  // without this one
   out += fmt::format("  {}\n", truth_line(counters));

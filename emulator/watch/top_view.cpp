@@ -97,7 +97,7 @@ std::vector<std::string> TopView::lines(HostTime now) const {
   const Json& counters = status_.contains("counters") ? status_["counters"] : none;
   std::vector<std::string> all = {fmt::format("{}: process {}, since {}, for {}, clock {}", name_,
                                               status_.value("pid", 0), status_.value("started", std::string("?")),
-                                              duration_text(counters.value("duration_s", 0.0)),
+                                              run_time_text(counters.value("duration_s", 0.0)),
                                               status_.value("clock", std::string("?")))};
   using namespace std::chrono_literals;
   if (heard_ && now - *heard_ > 3s)
