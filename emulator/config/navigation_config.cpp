@@ -184,9 +184,7 @@ void read_navigator(TableReader& table, const TruthConfig& truth, ImuConfig& imu
 // The age at which an almanac is probably not the one that was meant; chosen.
 constexpr std::int64_t oldest_weeks = 13;
 
-void read_almanac(TableReader& table, const TruthConfig& truth, GnssModel& gnss) {
-  const std::string path = file_named(table, "gnss_almanac", table.text("gnss_almanac", ""));
-  if (path.empty()) return;
+void read_almanac(TableReader& table, const std::string& path, const TruthConfig& truth, GnssModel& gnss) {
   std::error_code none;
   if (std::filesystem::is_directory(path, none))
     return table.fault("gnss_almanac", fmt::format("{}: is a directory", path));
@@ -207,11 +205,12 @@ void read_almanac(TableReader& table, const TruthConfig& truth, GnssModel& gnss)
 }
 
 void read_receiver(TableReader& table, const TruthConfig& truth, GnssModel& gnss) {
-  read_almanac(table, truth, gnss);
+  const std::string path = file_named(table, "gnss_almanac", table.text("gnss_almanac", ""));
+  if (!path.empty()) read_almanac(table, path, truth, gnss);
   const auto of_almanac = [&](const char* key, double initial, double min, double max) {
-    if (!table.has("gnss_almanac") && !table.has(key)) return initial;
+    if (path.empty() && !table.has(key)) return initial;
     const double value = table.real(key, initial, min, max);
-    if (!table.has("gnss_almanac")) table.fault(key, "needs gnss_almanac");
+    if (path.empty()) table.fault(key, "needs gnss_almanac");
     return value;
   };
   gnss.mask = units::degree * of_almanac("gnss_mask_deg", 5, 0, 89);

@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
@@ -116,13 +117,14 @@ TEST_F(FileKeys, AreFromTheFolderOfTheConfiguration) {
 // A fault's settings of another unit, in a scenario of another folder.
 TEST_F(FileKeys, OfAScenarioAreFromItsFolder) {
   fs::create_directories(std::string(folder_ / "scenarios"));
-  std::ofstream(folder_ / "scenarios/mine.toml") << file_keys[3].content;
+  const FileKey& frames = *std::ranges::find(file_keys, "imu.device.frame_file", &FileKey::key);
+  std::ofstream(folder_ / "scenarios/mine.toml") << frames.content;
   std::ofstream(folder_ / "scenarios/swap.toml") << "[[fault]]\nimu = \"imu1\"\ntarget = \"message\"\nkind = "
                                                     "\"other_settings\"\nat_s = 1\ndevice = {frame_file = "
                                                     "\"mine.toml\"}\n";
-  std::ofstream(folder_ / "below/mine.toml") << file_keys[3].content;
+  std::ofstream(folder_ / "below/mine.toml") << frames.content;
   const std::vector<std::string> scenarios = {folder_ / "scenarios/swap.toml"};
-  const Config config = load_config(config_of(file_keys[3], "mine.toml"), {}, {}, scenarios);
+  const Config config = load_config(config_of(frames, "mine.toml"), {}, {}, scenarios);
   EXPECT_TRUE(contains(config.resolved(), std::string(folder_ / "scenarios/mine.toml"))) << config.resolved();
 }
 

@@ -90,6 +90,7 @@ TEST_F(ReceiverKeysTest, AreChecked) {
   std::ofstream(folder_ / "mine.yuma") << yuma_text();
   const std::string almanac = "gnss_almanac = \"mine.yuma\"\n";
   EXPECT_EQ(said_of(almanac + "gnss_mask_deg = 10\ngnss_multipath_m = 3\n"), "");
+  EXPECT_NE(said_of("gnss_almanac = \"\"\ngnss_mask_deg = 5\n").find("needs gnss_almanac"), std::string::npos);
   std::filesystem::create_directory(folder_ / "folder");
   EXPECT_NE(said_of("gnss_almanac = \"folder\"\n").find("is a directory"), std::string::npos);
   EXPECT_TRUE(contains(said_of(almanac, "2027-01-07T16:44:30Z"), "more than 13 weeks from earth.start"));
