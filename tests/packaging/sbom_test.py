@@ -114,10 +114,12 @@ class SbomTest(unittest.TestCase):
                      if relation["relationshipType"] == "RUNTIME_DEPENDENCY_OF"]
         rules = (SOURCE / "tools/packaging/debian/rules").read_text()
         sonames = re.findall(r"dpkg-query --search (lib[\w.+-]+\.so\.[\d.]+)", rules)
-        self.assertEqual(len(relations), len(sonames))
-        for (library, user), soname in zip(relations, sonames):
-            self.assertEqual(user, self.packages["imud"]["SPDXID"])
-            self.assertRegex(soname, re.escape(self.names[library][:7]))
+        self.assertGreaterEqual(len(sonames), 2)
+
+        def stems(names):
+            return sorted(re.match("lib[a-z]+", name)[0] for name in names)
+        self.assertEqual(stems(self.names[library] for library, _ in relations), stems(sonames))
+        self.assertEqual({user for _, user in relations}, {self.packages["imud"]["SPDXID"]})
 
     def test_the_same_of_the_same(self):
         self.assertEqual(write(SOURCE_DATE_EPOCH="1700000000", PYTHONHASHSEED="1", TZ="Pacific/Auckland", LC_ALL="C.UTF-8"), self.bytes)
