@@ -120,14 +120,14 @@ class ServiceTest(unittest.TestCase):
         self.write(0.02, "b")
         runs = [self.start("a"), self.start("b")]
         self.assertEqual([self.notification(), self.notification()], ["READY=1"] * 2)
-        self.write(0.04, "b")
+        self.write(0.0456789, "b")
         self.assertEqual(self.reload("b").returncode, 0)
         logs = []
         for run in runs:
             run.terminate()
             logs.append(run.communicate()[0])
             self.assertEqual(run.returncode, 0)
-        self.assertEqual(["0.04" in log for log in logs], [False, True])
+        self.assertEqual(["0.0456789" in log for log in logs], [False, True])
 
     def test_a_wrong_file_is_not_started_again(self):
         self.write('"much"')
