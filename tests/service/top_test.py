@@ -203,6 +203,8 @@ class TopTest(RunsTest):
         for name, words, expected in (("xterm", ("bench",), (1, b"imud: ")), ("nonsense", ("bench",), (2, b'TERM="nonsense"')),
                                       ("xterm", ("other",), (1, b"there is no other; those that run: bench"))):
             self.environment["TERM"] = name
+            # ncurses 6.4 leaves 1.6 kB of a terminal that it does not know (new_prescr); the program ends then.
+            self.environment["ASAN_OPTIONS"] = "detect_leaks=0" if name == "nonsense" else ""
             if name == "nonsense":
                 self.start()
             self.open(*words)
