@@ -1,4 +1,4 @@
-// What a receiver sees of the satellites of an almanac.
+// The satellites of an almanac that a receiver sees, and the dilutions of precision that follow.
 #include "core/gnss/sky.hpp"
 
 #include <gtest/gtest.h>

@@ -1,4 +1,5 @@
-// What a host asks of the navigation filter of a unit: a restart, a heading, which aids it uses, hard and soft iron.
+// A host asks things of the navigation filter of a unit: a restart, a heading, which aids it uses, hard and soft
+// iron.
 #include <gtest/gtest.h>
 
 #include <cstring>
@@ -218,7 +219,7 @@ TEST(NavigationRequests, AVectorNavTakesAHeading) {
   EXPECT_NEAR(unit.yaw(), before, 3);
 }
 
-// The heading is that of the host's axes, which register 26 turns.
+// Register 26 turns the host's axes, and a given heading is the one of these.
 TEST(NavigationRequests, AHeadingIsOfTheHostsAxes) {
   OrderedUnit unit("vectornav", "vn-100", resting_truth);
   unit.vectornav("VNWRG,26,0,1,0,-1,0,0,0,0,1");  // its x axis is the platform's y axis

@@ -125,7 +125,8 @@ TEST_F(RecordInputs, AHostInLockstepIsRepeated) {
   EXPECT_TRUE(repeat(config) == sent);
 }
 
-// What a host asks of the unit's own filter is one with its bytes: the repetition aligns again at the same sample.
+// A host's bytes give orders to the unit's own filter, and are recorded: the repetition aligns again at the same
+// sample.
 TEST_F(RecordInputs, OrdersToAFilterAreRepeated) {
   const Config config = load_config(write(
       "config.toml", fmt::format("clock = \"lockstep\"\n[truth]\n{}\n[earth]\nframe = \"local\"\nlatitude_deg = 48\n"
