@@ -37,7 +37,8 @@ FLOORS = {
              "imu*.* triad.hpp size_effect.* rest.* navigation_errors.hpp", ""],
     "protocols": ["protocol.* frame_seal.* truth_format.* settings.* native_truth.hpp sync_datagram.hpp", "wire/", "quantities/",
                   "measurements/", "frames/layout/", "frames/text/ frames/host/", "signals/ frames/", ""],
-    "transports": ["port.hpp port_spec.* endpoint.* host_clock.hpp file_descriptor.hpp byte_writer.*",
+    "transports": ["port.hpp port_spec.* endpoint.* host_clock.hpp file_descriptor.hpp byte_writer.* "
+                   "loaded_library.hpp",
                    "can/ file/ socket/ uart/", "capture/", ""],
     "emulator": ["ground/", "plan/", "faults/ frames/", "config/", "truth/", "imu/", "engine/", "record/", "drive/", "report/", "control/",
                  "web/", "run/", "seeds/", "init/ watch/", "commands/", ""],

@@ -9,6 +9,7 @@
 
 #include "emulator/faults/fault_book.hpp"
 #include "emulator/faults/fault_labels.hpp"
+#include "emulator/ground/progress_line.hpp"
 #include "emulator/report/log.hpp"
 
 namespace imud {
@@ -20,12 +21,7 @@ std::string names(const std::vector<std::string_view>& all) {
 std::string progress_text(const Summary& all) {
   const double progress = all.truth.progress.value_or(0);
   if (progress <= 0 || progress >= 1) return {};
-  const double left_s = all.duration_s * (1 - progress) / progress;
-  constexpr double minute = 60, hour = 3600, many = 100;
-  const std::string left = left_s < many            ? fmt::format("{:.0f} s", left_s)
-                           : left_s < many * minute ? fmt::format("{:.0f} min", left_s / minute)
-                                                    : fmt::format("{:.1f} h", left_s / hour);
-  return fmt::format("{:.0f} % of the capture, {} left; ", 100 * progress, left);
+  return fmt::format("{:.0f} % of the capture, {} left; ", 100 * progress, time_left(all.duration_s, progress));
 }
 std::string times(std::uint64_t n) { return n == 1 ? std::string() : fmt::format(" ({} times)", n); }
 }  // namespace

@@ -3,7 +3,6 @@
 // Functions, no macros: other files may be compiled together with this one.
 #define NCURSES_NOMACROS
 #include <curses.h>
-#include <dlfcn.h>
 #include <fmt/format.h>
 #include <sys/ioctl.h>
 #include <unistd.h>
@@ -13,14 +12,10 @@
 #include <cstdlib>
 #include <stdexcept>
 
+#include "transports/loaded_library.hpp"
+
 namespace imud {
 namespace {
-
-template <class Function>
-void find(void* library, const char* name, Function& function) {
-  function = reinterpret_cast<Function>(::dlsym(library, name));
-  if (function == nullptr) throw std::runtime_error(::dlerror());
-}
 
 // The functions of ncurses that are used.
 struct Curses {
@@ -53,30 +48,29 @@ struct Curses {
 
  private:
   static Curses load() {
-    void* const library = ::dlopen("libncursesw.so.6", RTLD_LAZY | RTLD_LOCAL);
-    if (library == nullptr) throw std::runtime_error(fmt::format("{}; it is in libncursesw6", ::dlerror()));
+    const LoadedLibrary library({"libncursesw.so.6"}, "libncursesw6");
     Curses c{};
-    find(library, "newterm", c.new_terminal);
-    find(library, "endwin", c.end);
-    find(library, "delscreen", c.delete_screen);
-    find(library, "newwin", c.new_window);
-    find(library, "delwin", c.delete_window);
-    find(library, "cbreak", c.without_lines);
-    find(library, "noecho", c.without_echo);
-    find(library, "keypad", c.keypad);
-    find(library, "nodelay", c.nodelay);
-    find(library, "curs_set", c.set_cursor);
-    find(library, "set_escdelay", c.set_escape_delay);
-    find(library, "wgetch", c.get_key);
-    find(library, "wmove", c.move);
-    find(library, "waddnstr", c.add);
-    find(library, "wclrtoeol", c.clear_to_end);
-    find(library, "wattr_on", c.attribute_on);
-    find(library, "wattr_off", c.attribute_off);
-    find(library, "wrefresh", c.refresh);
-    find(library, "clearok", c.clear_all);
-    find(library, "getmaxy", c.rows);
-    find(library, "resizeterm", c.resize);
+    library.find("newterm", c.new_terminal);
+    library.find("endwin", c.end);
+    library.find("delscreen", c.delete_screen);
+    library.find("newwin", c.new_window);
+    library.find("delwin", c.delete_window);
+    library.find("cbreak", c.without_lines);
+    library.find("noecho", c.without_echo);
+    library.find("keypad", c.keypad);
+    library.find("nodelay", c.nodelay);
+    library.find("curs_set", c.set_cursor);
+    library.find("set_escdelay", c.set_escape_delay);
+    library.find("wgetch", c.get_key);
+    library.find("wmove", c.move);
+    library.find("waddnstr", c.add);
+    library.find("wclrtoeol", c.clear_to_end);
+    library.find("wattr_on", c.attribute_on);
+    library.find("wattr_off", c.attribute_off);
+    library.find("wrefresh", c.refresh);
+    library.find("clearok", c.clear_all);
+    library.find("getmaxy", c.rows);
+    library.find("resizeterm", c.resize);
     return c;
   }
 };
