@@ -88,19 +88,19 @@ void check_weight(TableReader& table, const TruthConfig& truth) {
   if (const std::string_view why = weightless(truth); !why.empty()) table.fault("solution", why);
 }
 
-using Kind = NavigatorModel::Kind;
+using NavigatorKind = NavigatorModel::Kind;
 
 // A product with the errors of a preset computes its solution where the truth has places, of which receiver and
 // magnetometer measure, and weight, unless the attitude's errors are given, which a filter does not take. A record of
 // a run without such a choice is repeated as it was.
-std::optional<Kind> default_solution(TableReader& table, const TruthConfig& truth, const ImuConfig& imu) {
+std::optional<NavigatorKind> default_solution(TableReader& table, const TruthConfig& truth, const ImuConfig& imu) {
   if (imu.protocol == nullptr || imu.protocol->solves == nullptr || find_preset(imu.errors_model) == nullptr ||
       !has_places(truth).value_or(false) || !weightless(truth).empty() || table.has("roll_pitch_deg") ||
       table.has("heading_deg") || was_recorded_without(truth.port, "solution = "))
     return std::nullopt;
   const Solves solves = imu.protocol->solves(imu.settings);
-  if (solves == Solves::place) return Kind::inertial;
-  return solves == Solves::attitude ? std::optional(Kind::attitude) : std::nullopt;
+  if (solves == Solves::place) return NavigatorKind::inertial;
+  return solves == Solves::attitude ? std::optional(NavigatorKind::attitude) : std::nullopt;
 }
 
 // The keys of the unit's own filter. Where no accuracies are stated, the receiver is under an open sky.
@@ -109,13 +109,14 @@ void read_navigator(TableReader& table, const TruthConfig& truth, ImuConfig& imu
   NavigatorModel& navigator = imu.navigator;
   const std::optional<bool> places = has_places(truth);
   navigator.gravitation = truth.gravitation;
-  using OfKind = std::optional<Kind>;
+  using OfKind = std::optional<NavigatorKind>;
   const OfKind chosen = table.choice<OfKind>(
-      "solution", {{std::nullopt, "truth"}, {Kind::inertial, "filter"}, {Kind::attitude, "attitude"}},
+      "solution",
+      {{std::nullopt, "truth"}, {NavigatorKind::inertial, "filter"}, {NavigatorKind::attitude, "attitude"}},
       default_solution(table, truth, imu));
   navigator.is_on = chosen.has_value();
-  navigator.kind = chosen.value_or(Kind::inertial);
-  const bool is_inertial = chosen == Kind::inertial, is_attitude = chosen == Kind::attitude;
+  navigator.kind = chosen.value_or(NavigatorKind::inertial);
+  const bool is_inertial = chosen == NavigatorKind::inertial, is_attitude = chosen == NavigatorKind::attitude;
   // A key of a filter that is not chosen has no value where it is absent.
   const auto check = [&](const char* key, bool is_read, const char* needed) {
     if (!is_read) table.fault(key, fmt::format("needs solution = {}", needed));

@@ -13,7 +13,15 @@ constexpr std::size_t segment_size = 7;
 constexpr unsigned toggle_bit = 0x10, last_bit = 0x80;
 
 // The command of a request, and in which state of a transfer it is valid.
-enum Command : unsigned { download_segment, download, upload, upload_segment, aborted, block_upload, block_download };
+enum SdoCommand : unsigned {
+  download_segment,
+  download,
+  upload,
+  upload_segment,
+  aborted,
+  block_upload,
+  block_download
+};
 
 unsigned byte(std::span<const std::byte> request, std::size_t at) noexcept {
   return std::to_integer<unsigned>(request[at]);
@@ -40,13 +48,13 @@ void SdoServer::receive(Request request, DeviceTime now, FrameBuffer& out) noexc
       case download:
         begin_download(request, now, out);
         break;
-      case Command::download_segment:
+      case SdoCommand::download_segment:
         download_segment(request, now, out);
         break;
       case upload:
         begin_upload(request, out);
         break;
-      case Command::upload_segment:
+      case SdoCommand::upload_segment:
         upload_segment(first, out);
         break;
       case block_download:

@@ -56,11 +56,11 @@ class Answer {
   std::size_t size_ = 0;
 };
 
-enum Code : unsigned { no_command = 1, bad_crc, unknown, bad_count, bad_parameter, too_many_saves, reduced = 8 };
-
 // One command. execute() returns 0 if it has sent the answer, otherwise the status for the caller to send.
 class Command {
  public:
+  enum Status : unsigned { no_command = 1, bad_crc, unknown, bad_count, bad_parameter, too_many_saves, reduced = 8 };
+
   Command(Memory& memory, std::string_view name, std::span<const std::string_view> parameters,
           FrameBuffer& out) noexcept
       : memory_(memory), c_(memory.active), name_(name), parameters_(parameters), out_(out) {}
@@ -301,6 +301,7 @@ class Command {
 void greet(FrameBuffer& replies) noexcept { Answer(replies, "UTILITYMODE").send(); }
 
 bool execute(Memory& memory, std::string_view line, FrameBuffer& replies) noexcept {
+  using enum Command::Status;
   const auto refuse = [&](std::string_view name, unsigned code) {
     Answer(replies, name).number(std::uint64_t{code}).send();
     return true;

@@ -7,7 +7,7 @@
 namespace imud {
 namespace {
 
-using Word = TermVerdict::Word;
+using Verdict = TermVerdict::Word;
 
 // Returns the largest share that a term of this size adds to the model's deviation at one of the averaging times.
 double largest_share(std::size_t term, double size, const AllanCurve& curve, const AllanTerms& model) {
@@ -22,8 +22,8 @@ double largest_share(std::size_t term, double size, const AllanCurve& curve, con
 
 }  // namespace
 
-std::string_view name_of(Word word) noexcept {
-  return word == Word::agrees ? "agrees" : word == Word::differs ? "differs" : "undecided";
+std::string_view name_of(Verdict word) noexcept {
+  return word == Verdict::agrees ? "agrees" : word == Verdict::differs ? "differs" : "undecided";
 }
 
 std::array<TermVerdict, allan_term_count> compare(const AllanCurve& curve, const AllanFit& fit,
@@ -46,20 +46,20 @@ std::array<TermVerdict, allan_term_count> compare(const AllanCurve& curve, const
       undecided = !differs;
     }
     verdicts[t] = {wanted,
-                   differs     ? Word::differs
-                   : undecided ? Word::undecided
-                               : Word::agrees,
+                   differs     ? Verdict::differs
+                   : undecided ? Verdict::undecided
+                               : Verdict::agrees,
                    wanted == 0 && !value};
   }
   return verdicts;
 }
 
 bool agrees(const std::array<TermVerdict, allan_term_count>& verdicts) noexcept {
-  const auto is = [](Word word) { return [word](const TermVerdict& v) { return v.word == word; }; };
+  const auto is = [](Verdict word) { return [word](const TermVerdict& v) { return v.word == word; }; };
   const bool has_terms = std::ranges::any_of(verdicts, [](const TermVerdict& v) { return v.model > 0; });
-  return std::ranges::none_of(verdicts, is(Word::differs)) &&
-         (!has_terms ||
-          std::ranges::any_of(verdicts, [](const TermVerdict& v) { return v.model > 0 && v.word == Word::agrees; }));
+  return std::ranges::none_of(verdicts, is(Verdict::differs)) &&
+         (!has_terms || std::ranges::any_of(
+                            verdicts, [](const TermVerdict& v) { return v.model > 0 && v.word == Verdict::agrees; }));
 }
 
 }  // namespace imud
