@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <boost/algorithm/string/case_conv.hpp>
 #include <boost/algorithm/string/predicate.hpp>
+#include <boost/algorithm/string/split.hpp>
 #include <string_view>
 #include <vector>
 
@@ -146,7 +147,9 @@ int help_topic(const CLI::App& app, const std::string& topic) {
   for (const KeyRow& row : rows)
     for (const std::string& one : row.keys) {
       known.push_back(one);
-      known.push_back(one.substr(one.rfind('.') + 1));
+      std::vector<std::string> parts;  // a table's name is a topic, too
+      boost::split(parts, one, [](char c) { return c == '.'; });
+      known.insert(known.end(), parts.begin(), parts.end());
     }
   for (const std::vector<Found>& some : {names, simulator_names(), fault_kind_names()})
     for (const Found& found : some) known.push_back(found.name);

@@ -95,7 +95,7 @@ class HelpTest(unittest.TestCase):
         self.assertIn("  imu.accelerometer.bias_m_per_s2 ", self.explained("bias_m_"))
 
     def test_suggests_the_nearest(self):
-        for given, near in (("rate_hs", "rate_hz"), ("imu.gyro.bias_deg_per_sec", "imu.gyro.bias_deg_per_s"), ("stim30O", "stim300"),
+        for given, near in (("rate_hs", "rate_hz"), ("gyo", "gyro"), ("imu.gyro.bias_deg_per_sec", "imu.gyro.bias_deg_per_s"), ("stim30O", "stim300"),
                             ("selftst", "selftest")):
             done = imud("help", given)
             self.assertEqual((done.returncode, done.stdout), (2, ""))
