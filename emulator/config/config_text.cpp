@@ -5,9 +5,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cerrno>
-#include <filesystem>
-#include <fstream>
 #include <iostream>
 #include <iterator>
 #include <nlohmann/json.hpp>
@@ -19,6 +16,7 @@
 #include <vector>
 
 #include "emulator/config/recorded_config.hpp"
+#include "emulator/ground/text_file.hpp"
 #include "emulator/plan/config.hpp"
 
 namespace imud {
@@ -38,17 +36,8 @@ std::string read_file(const std::string& path) {
     if (config->empty()) throw std::invalid_argument("is not in this record; give that of its run");
     return *std::move(config);
   }
-  const auto check = [](bool good) {
-    if (!good) throw std::system_error(errno == 0 ? EIO : errno, std::generic_category());
-  };
   if (path == "-") return {std::istreambuf_iterator<char>(std::cin), {}};
-  errno = 0;
-  std::ifstream file(path, std::ios::binary);
-  check(file.is_open());
-  if (std::filesystem::is_directory(path)) throw std::system_error(EISDIR, std::generic_category());
-  std::string content(std::istreambuf_iterator<char>(file), {});
-  check(!file.bad());
-  return content;
+  return read_whole(path);
 }
 
 // Returns the fault of a word without quotes where TOML has a value, at line and column; empty if there is none.

@@ -1,8 +1,5 @@
 // The errors of barometers and navigation solutions in a configuration.
 #include <cstdlib>
-#include <filesystem>
-#include <fstream>
-#include <iterator>
 #include <optional>
 #include <stdexcept>
 #include <string>
@@ -13,6 +10,7 @@
 #include "core/navigation/navigator.hpp"
 #include "core/units.hpp"
 #include "emulator/config/config_parts.hpp"
+#include "emulator/ground/text_file.hpp"
 #include "emulator/ground/yuma_almanac.hpp"
 
 namespace imud {
@@ -186,14 +184,10 @@ void read_navigator(TableReader& table, const TruthConfig& truth, ImuConfig& imu
 constexpr std::int64_t oldest_weeks = 13;
 
 void read_almanac(TableReader& table, const std::string& path, const TruthConfig& truth, GnssModel& gnss) {
-  std::error_code none;
-  if (std::filesystem::is_directory(path, none))
-    return table.fault("gnss_almanac", fmt::format("{}: is a directory", path));
-  std::ifstream stream(path, std::ios::binary);
-  const std::string text(std::istreambuf_iterator<char>(stream), {});
-  if (!stream.is_open() || stream.bad()) return table.fault("gnss_almanac", fmt::format("{}: cannot be read", path));
   try {
-    gnss.almanac = yuma_almanac(text, truth.earth.start_gps_ns);
+    gnss.almanac = yuma_almanac(read_whole(path), truth.earth.start_gps_ns);
+  } catch (const std::system_error& error) {
+    return table.fault("gnss_almanac", fmt::format("{}: cannot be read: {}", path, error.code().message()));
   } catch (const std::runtime_error& error) {
     return table.fault("gnss_almanac", fmt::format("{}: {}", path, error.what()));
   }

@@ -3,13 +3,13 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <fstream>
-#include <iterator>
 #include <map>
+#include <system_error>
 #include <utility>
 #include <vector>
 
 #include "emulator/config/config_parts.hpp"
+#include "emulator/ground/text_file.hpp"
 #include "protocols/frames/frame_device.hpp"
 
 namespace imud {
@@ -33,12 +33,15 @@ const Preset* preset_in_file(const std::string& path) {
   static std::map<std::string, File> files;
   const auto known = files.find(path);
   if (known != files.end()) return &known->second.preset;
-  std::ifstream stream(path, std::ios::binary);
-  std::string text(std::istreambuf_iterator<char>(stream), {});
-  if (!stream.is_open() || stream.bad() || text.empty()) return nullptr;
-  const auto place = files.emplace(path, File{std::move(text), {}}).first;
-  place->second.preset = {place->first, place->second.text};
-  return &place->second.preset;
+  try {
+    std::string text = read_whole(path);
+    if (text.empty()) return nullptr;
+    const auto place = files.emplace(path, File{std::move(text), {}}).first;
+    place->second.preset = {place->first, place->second.text};
+    return &place->second.preset;
+  } catch (const std::system_error&) {
+    return nullptr;
+  }
 }
 
 // Returns the model that the table names, or the path of its file.

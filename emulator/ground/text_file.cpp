@@ -8,6 +8,10 @@
 
 #include <cerrno>
 #include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <system_error>
 
 #include "transports/file/output_path.hpp"
 
@@ -74,6 +78,19 @@ void TextFile::replace(std::string_view text) {
 void TextFile::reopen() {
   if (path_.empty() || path_ == "-") return;
   file_ = open_to_write(path_, O_APPEND);
+}
+
+std::string read_whole(const std::string& path) {
+  const auto check = [](bool good) {
+    if (!good) throw std::system_error(errno == 0 ? EIO : errno, std::generic_category());
+  };
+  errno = 0;
+  std::ifstream file(path, std::ios::binary);
+  check(file.is_open());
+  if (std::filesystem::is_directory(path)) throw std::system_error(EISDIR, std::generic_category());
+  std::string content(std::istreambuf_iterator<char>(file), {});
+  check(!file.bad());
+  return content;
 }
 
 }  // namespace imud

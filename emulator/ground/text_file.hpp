@@ -1,4 +1,4 @@
-// TextFile: a file or standard stream for text, whose failures are reported.
+// TextFile: a file or standard stream for text, whose failures are reported; and the reading of a whole file.
 #pragma once
 
 #include <stdexcept>
@@ -40,5 +40,8 @@ class TextFile {
   std::string path_;
   FileDescriptor file_;
 };
+
+// Returns the content of a file. Throws std::system_error with the cause if it cannot be read; a folder cannot.
+std::string read_whole(const std::string& path);
 
 }  // namespace imud

@@ -92,7 +92,7 @@ TEST_F(ReceiverKeysTest, AreChecked) {
   EXPECT_EQ(said_of(almanac + "gnss_mask_deg = 10\ngnss_multipath_m = 3\n"), "");
   EXPECT_NE(said_of("gnss_almanac = \"\"\ngnss_mask_deg = 5\n").find("needs gnss_almanac"), std::string::npos);
   std::filesystem::create_directory(folder_ / "folder");
-  EXPECT_NE(said_of("gnss_almanac = \"folder\"\n").find("is a directory"), std::string::npos);
+  EXPECT_NE(said_of("gnss_almanac = \"folder\"\n").find("Is a directory"), std::string::npos);
   EXPECT_TRUE(contains(said_of(almanac, "2027-01-07T16:44:30Z"), "more than 13 weeks from earth.start"));
   EXPECT_TRUE(contains(said_of("gnss_almanac = \"none.yuma\"\n"), "none.yuma: cannot be read"));
   EXPECT_TRUE(contains(said_of("gnss_mask_deg = 10\n"), "gnss_mask_deg: needs gnss_almanac"));
