@@ -43,10 +43,12 @@ enum class Process : std::uint32_t {
   popcorn_noise = 16,  // a uniform deviate for each change of an axis
   clock_wander = 17,   // x: end of the frequency's random walk in a period, y: within it, z: white noise
   stamp_jitter = 18,
-  unit_cause = 19,     // of the cause whose name has that hash (constant_errors.hpp)
-  turn_on_cause = 20,  // the same, with the number of the power on in the upper 32 bits
-  multipath = 21,      // x: of a satellite's range; sample 64 i + PRN: in the i-th interval (gnss/sky.cpp)
-  flicker = 32,        // of its first octave; the other octaves have the next 31 numbers
+  unit_cause = 19,      // of the cause whose name has that hash (constant_errors.hpp)
+  turn_on_cause = 20,   // the same, with the number of the power on in the upper 32 bits
+  multipath = 21,       // x: of a satellite's range; sample 64 i + PRN: in the i-th interval (gnss/sky.cpp)
+  campaign_draw = 22,   // of the key whose name has that hash; sample k: draw k
+  campaign_order = 23,  // of the draws of a Latin hypercube, by the same
+  flicker = 32,         // of its first octave; the other octaves have the next 31 numbers
 };
 
 // Returns the number of the octave-th process of a cascade, 0 to 31, that begins with `first`.
