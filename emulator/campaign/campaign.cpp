@@ -1,0 +1,78 @@
+#include "emulator/campaign/campaign.hpp"
+
+#include <fmt/format.h>
+
+#include <stdexcept>
+
+#include "emulator/campaign/axes.hpp"
+#include "emulator/truth/capture_check.hpp"
+
+namespace imud {
+
+std::uint64_t Campaign::cases() const noexcept {
+  std::uint64_t product = seeds.size() * (draws ? draws->plan.count : 1);
+  for (const CampaignAxis& axis : axes) product *= axis.values.size();
+  return product;
+}
+
+CampaignCase case_of(const Campaign& campaign, std::uint64_t index) {
+  if (index >= campaign.cases())
+    throw std::out_of_range(
+        fmt::format("{}: there is no case {}: they are 0 to {}", campaign.file, index, campaign.cases() - 1));
+  CampaignCase c{.index = index,
+                 .seed = campaign.seeds.first + index % campaign.seeds.size(),
+                 .at = std::vector<std::size_t>(campaign.axes.size()),
+                 .draw = std::nullopt,
+                 .capture = campaign.capture,
+                 .overrides = campaign.overrides,
+                 .scenarios = campaign.scenarios};
+  index /= campaign.seeds.size();
+  if (campaign.draws) {
+    c.draw = index % campaign.draws->plan.count;
+    index /= campaign.draws->plan.count;
+  }
+  for (std::size_t i = campaign.axes.size(); i-- > 0;) {
+    c.at[i] = index % campaign.axes[i].values.size();
+    index /= campaign.axes[i].values.size();
+  }
+  for (std::size_t i = 0; i < campaign.axes.size(); ++i) {
+    const CampaignAxis::Value& value = campaign.axes[i].values[c.at[i]];
+    if (!value.capture.empty()) c.capture = value.capture;
+    c.overrides.insert(c.overrides.end(), value.overrides.begin(), value.overrides.end());
+    c.scenarios.insert(c.scenarios.end(), value.scenarios.begin(), value.scenarios.end());
+  }
+  if (campaign.draws)
+    for (const DrawnKey& drawn : campaign.draws->keys)
+      c.overrides.push_back(override_of(drawn.key(), drawn.text(*c.draw)));
+  return c;
+}
+
+std::vector<std::pair<std::string, std::string>> columns_of(const Campaign& campaign, const CampaignCase& c) {
+  std::vector<std::pair<std::string, std::string>> columns;
+  for (std::size_t i = 0; i < campaign.axes.size(); ++i)
+    columns.emplace_back(campaign.axes[i].name, campaign.axes[i].values.at(c.at.at(i)).text);
+  if (!c.draw || !campaign.draws) return columns;
+  columns.emplace_back("draw", fmt::to_string(*c.draw));
+  for (const DrawnKey& drawn : campaign.draws->keys)
+    columns.emplace_back(drawn.key(), plain_text(drawn.text(*c.draw)));
+  return columns;
+}
+
+Config load_case(const Campaign& campaign, const CampaignCase& c) {
+  std::vector<std::string> overrides = c.overrides;
+  overrides.push_back(fmt::format("seed=\"{}\"", c.seed));
+  overrides.emplace_back("clock=fast");
+  return load_replay(campaign.base, overrides, c.capture, c.scenarios).config;
+}
+
+Config config_of(const Campaign& campaign, const CampaignCase& c) {
+  try {
+    return load_case(campaign, c);
+  } catch (const ConfigError& error) {
+    std::vector<std::string> faults;
+    for (const std::string& fault : error.faults) faults.push_back(fmt::format("case {}: {}", c.index, fault));
+    throw ConfigError(faults);
+  }
+}
+
+}  // namespace imud

@@ -1,0 +1,96 @@
+// Campaign: a plan of many cases, each of which is a replay. A case is a pure function of the plan and its number.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "emulator/campaign/draws.hpp"
+#include "emulator/plan/config.hpp"
+#include "emulator/seeds/seeds.hpp"
+
+namespace imud {
+
+// One quantity that the cases vary, with its values in the order of the plan.
+struct CampaignAxis {
+  struct Value {
+    std::string text;                    // in tables: a number in its shortest exact form, or a file as in the plan
+    std::vector<std::string> overrides;  // as load_config() takes them
+    std::string capture;                 // empty: the campaign's
+    std::vector<std::string> scenarios;  // after the campaign's
+  };
+  std::string name;           // a key of the configuration, "capture", "scenario" or "model", or any name
+  std::vector<Value> values;  // at least one
+  std::uint32_t line = 0;     // in the plan
+};
+
+// The system under test, which runs beside each case.
+struct CampaignTest {
+  std::string command;
+  double time_limit_s = 60;
+};
+
+// The request to the job scheduler; an empty text, and 0, leave it to the scheduler.
+struct CampaignSlurm {
+  std::string partition, account, time_limit;
+  unsigned max_running = 0;          // tasks of the array at the same time
+  std::vector<std::string> options;  // further options of sbatch
+};
+
+struct Campaign {
+  static constexpr std::uint64_t most_cases = 1'000'000'000;
+
+  std::string file;                    // of the plan; absolute
+  std::string base;                    // configuration; absolute
+  std::string capture;                 // as load_replay() takes it, its path absolute; empty: by an axis
+  std::vector<std::string> overrides;  // [set]
+  std::vector<std::string> scenarios;  // absolute
+  std::vector<CampaignAxis> axes;      // the slowest first; then come the draws, then the seeds
+  std::optional<CampaignDraws> draws;
+  SeedRange seeds;
+  std::uint64_t batch = 0;  // cases of a shard; 0: `campaign run` chooses
+  std::optional<CampaignTest> test;
+  CampaignSlurm slurm;
+  std::string sha256;  // of the plan's text, in hexadecimal
+
+  // Returns the product of the numbers of values, draws and seeds: 1 to most_cases.
+  std::uint64_t cases() const noexcept;
+};
+
+// Reads a plan, whose keys emulator/campaign/README.md lists. Throws ConfigError with every fault in it. A
+// file that the plan names must exist; keys of the configuration are not checked (try_cases()).
+Campaign read_campaign(const std::string& path);
+
+struct CampaignCase {
+  std::uint64_t index = 0;
+  std::uint64_t seed = 0;
+  std::vector<std::size_t> at;        // the number of the value of each axis
+  std::optional<std::uint64_t> draw;  // its number; nullopt: the plan has no draws
+  std::string capture;
+  std::vector<std::string> overrides;  // without the seed and the clock
+  std::vector<std::string> scenarios;
+};
+
+// Returns the case of a number below cases(); throws std::out_of_range for another one. Seeds vary fastest.
+CampaignCase case_of(const Campaign& campaign, std::uint64_t index);
+
+// Returns the columns of a table that say what the case is, with their texts: each axis in the order of the plan,
+// then, if there are draws, "draw" with the number of the draw, and each key that is drawn. Every case has the
+// same names.
+std::vector<std::pair<std::string, std::string>> columns_of(const Campaign& campaign, const CampaignCase& c);
+
+// Loads the configuration of a case for a replay by the clock `fast`. Throws ConfigError, whose faults name the case.
+Config config_of(const Campaign& campaign, const CampaignCase& c);
+// The same, but the faults do not name the case.
+Config load_case(const Campaign& campaign, const CampaignCase& c);
+
+// Returns the SHA-256, in hexadecimal, of all that acts on the bytes of a case: the value of every key, the content
+// of each file that the configuration names, the version of imud, and [test] as it is declared. Paths, and the keys
+// [control] and [web], do not act on them. `config`: config_of() the case. The digests of files are kept while the
+// file's size and time of change stay. Throws OpenError if a file cannot be read. Any thread may call it.
+std::string identity_of(const Campaign& campaign, const Config& config);
+std::string identity_of(const Campaign& campaign, const CampaignCase& c);
+
+}  // namespace imud
