@@ -1,0 +1,187 @@
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <map>
+#include <set>
+#include <utility>
+
+#include "emulator/campaign/axes.hpp"
+#include "emulator/campaign/campaign.hpp"
+#include "emulator/config/config_text.hpp"
+
+namespace imud {
+namespace {
+
+// Reads a list of texts, or one text. Empty if absent.
+std::vector<std::string> texts_in(TableReader& table, std::string_view key) {
+  const toml::node* node = table.node(key);
+  std::vector<std::string> all;
+  if (node == nullptr) return all;
+  if (const auto* text = node->as_string()) return {text->get()};
+  const toml::array* list = node->as_array();
+  if (list == nullptr || !(list->empty() || list->is_homogeneous<std::string>())) {
+    table.fault(key, "give a list of texts in quotes");
+    return all;
+  }
+  for (const toml::node& item : *list) all.push_back(item.as_string()->get());
+  return all;
+}
+
+std::string file_in(TableReader& table, std::string_view key, const std::string& folder, const std::string& text) {
+  if (text.empty()) return {};
+  std::string path = path_from_plan(folder, text);
+  if (const std::string missing = missing_file(path); !missing.empty()) table.fault(key, missing);
+  return path;
+}
+
+SeedRange read_seeds(TableReader& table) {
+  const toml::node* node = table.node("seeds");
+  std::string text = "1";
+  if (node != nullptr && node->is_integer())
+    text = toml_value(*node);
+  else
+    text = table.text("seeds", text);
+  const auto seeds = SeedRange::parse(text);
+  if (!seeds) table.fault("seeds", "give a seed, or a range of at most ten million in quotes, such as \"1..1000\"");
+  return seeds.value_or(SeedRange());
+}
+
+std::optional<CampaignDraws> read_draws(TableReader table, const toml::node* node, Faults& faults) {
+  if (node == nullptr || !node->is_table()) return std::nullopt;
+  CampaignDraws draws;
+  draws.line = node->source().begin.line;
+  require(table, "count", "the number of draws");
+  draws.plan.count = table.unsigned_integer("count", 1, DrawPlan::most);
+  if (draws.plan.count == 0) table.fault("count", fmt::format("give 1 to {} draws", DrawPlan::most));
+  draws.plan.seed = table.unsigned_integer("seed", draws.plan.seed, ~std::uint64_t{0});
+  draws.plan.method = table.choice<DrawMethod>("method", draw_method_words, DrawMethod::random);
+  const toml::node* keys = table.node("keys");
+  const auto is_distribution = [](const toml::table& one) {
+    return one.contains("distribution") ||
+           std::ranges::none_of(one, [](const auto& entry) { return entry.second.is_table(); });
+  };
+  if (keys == nullptr || !keys->is_table() || keys->as_table()->empty()) {
+    table.fault("keys", "give a table, [draws.keys], of KEY = {distribution = .., ..}");
+  } else {
+    toml::table unused;
+    for (const auto& [key, value, line] : entries_of(*keys->as_table(), is_distribution)) {
+      const std::string path = "draws.keys." + key;
+      std::string objection = name_objection(key);
+      if (key == "capture" || key == "scenario") objection = "is no number; give it as an axis";
+      if (!value->is_table()) objection = "give a table, such as {distribution = \"normal\", standard_deviation = 1}";
+      if (!objection.empty()) {
+        faults.add(line, path, objection);
+        continue;
+      }
+      TableReader reader(value->as_table(), path + ".", line, faults, unused);
+      const std::size_t before = faults.all().size();
+      Distribution distribution(reader);
+      if (faults.all().size() == before && draws.plan.count > 0)
+        draws.keys.emplace_back(key, std::move(distribution), draws.plan);
+    }
+  }
+  table.finish();
+  return draws;
+}
+
+// Adds a fault for each name that two axes have, and for each key that two of them set.
+void check_names(const Campaign& campaign, Faults& faults) {
+  std::map<std::string, std::string> owners;  // by name or key: the axis
+  const auto claim = [&](const std::string& name, const std::string& owner, std::uint32_t line) {
+    const auto [at, is_new] = owners.emplace(name, owner);
+    if (!is_new && at->second != owner)
+      faults.add(line, owner, fmt::format("{} is varied by {}, too; give it once", name, at->second));
+  };
+  for (const CampaignAxis& axis : campaign.axes) {
+    const std::string owner = "axes." + axis.name;
+    if (const auto same = std::ranges::find(campaign.axes, axis.name, &CampaignAxis::name); same->line != axis.line)
+      faults.add(axis.line, owner, fmt::format("is given in line {}, too; give it once", same->line));
+    std::set<std::string> keys = {axis.name};
+    for (const CampaignAxis::Value& value : axis.values)
+      for (const std::string& one : value.overrides) keys.insert(one.substr(0, one.find('=')));
+    for (const std::string& key : keys) claim(key, owner, axis.line);
+  }
+  if (!campaign.draws) return;
+  for (const DrawnKey& drawn : campaign.draws->keys)
+    claim(drawn.key(), "draws.keys." + drawn.key(), campaign.draws->line);
+}
+
+void check_size(const Campaign& campaign, Faults& faults) {
+  double product = static_cast<double>(campaign.seeds.size());
+  std::vector<std::string> factors;
+  for (const CampaignAxis& axis : campaign.axes) {
+    product *= static_cast<double>(axis.values.size());
+    factors.push_back(fmt::format("{} {}", axis.values.size(), axis.name));
+  }
+  if (campaign.draws) {
+    product *= static_cast<double>(campaign.draws->plan.count);
+    factors.push_back(fmt::format("{} draws", campaign.draws->plan.count));
+  }
+  factors.push_back(fmt::format("{} seeds", campaign.seeds.size()));
+  if (product > static_cast<double>(Campaign::most_cases))
+    faults.add(0, "plan",
+               fmt::format("has {:.3g} cases ({}), more than {}; divide it", product, fmt::join(factors, " x "),
+                           Campaign::most_cases));
+}
+
+CampaignTest read_test(TableReader table) {
+  CampaignTest test;
+  require(table, "command", "the command that is started for each case, such as \"./estimator {port}\"");
+  test.command = table.text("command", "");
+  if (is_text(table, "command") && test.command.empty()) table.fault("command", "give a command");
+  test.time_limit_s = table.real("time_limit_s", test.time_limit_s, 1e-3, 1e7);
+  table.finish();
+  return test;
+}
+
+CampaignSlurm read_slurm(TableReader table) {
+  CampaignSlurm slurm;
+  slurm.partition = table.text("partition", "");
+  slurm.account = table.text("account", "");
+  slurm.time_limit = table.text("time_limit", "");
+  constexpr unsigned most = 1'000'000;
+  slurm.max_running = static_cast<unsigned>(table.unsigned_integer("max_running", 0, most));
+  slurm.options = texts_in(table, "options");
+  table.finish();
+  return slurm;
+}
+
+}  // namespace
+
+Campaign read_campaign(const std::string& path) {
+  if (path == "-") throw ConfigError({"-: each process of a campaign reads the plan; give a file"});
+  Faults faults(path);
+  const ConfigText text = read_config_text(path, {}, faults);
+  toml::table unused;
+  TableReader plan(&text.root, "", 0, faults, unused);
+  Campaign campaign;
+  campaign.file = std::filesystem::absolute(path).lexically_normal().string();
+  campaign.sha256 = text.sha256;
+  const std::string folder = std::filesystem::path(campaign.file).parent_path().string();
+  require(plan, "base", "the configuration of all cases, for example \"imud.toml\"");
+  campaign.base = file_in(plan, "base", folder, plan.text("base", ""));
+  campaign.capture = file_in(plan, "capture", folder, plan.text("capture", ""));
+  for (const std::string& scenario : texts_in(plan, "scenario"))
+    campaign.scenarios.push_back(file_in(plan, "scenario", folder, scenario));
+  campaign.overrides = texts_in(plan, "set");
+  campaign.seeds = read_seeds(plan);
+  campaign.batch = plan.unsigned_integer("batch", 0, Campaign::most_cases);
+  campaign.axes = read_axes(plan.node("axes"), folder, faults);
+  campaign.draws = read_draws(plan.child("draws"), text.root.get("draws"), faults);
+  if (plan.has("test")) campaign.test = read_test(plan.child("test"));
+  campaign.slurm = read_slurm(plan.child("slurm"));
+  const bool varies_capture = std::ranges::any_of(campaign.axes, [](const CampaignAxis& axis) {
+    return std::ranges::all_of(axis.values, [](const auto& value) { return !value.capture.empty(); });
+  });
+  if (campaign.capture.empty() && !plan.has("capture") && !varies_capture)
+    plan.fault("capture", "missing; give the truth that all cases replay, for example \"flight.pcap\", or an axis");
+  check_names(campaign, faults);
+  check_size(campaign, faults);
+  plan.finish();
+  if (!faults.all().empty()) throw ConfigError(faults.all());
+  return campaign;
+}
+
+}  // namespace imud
