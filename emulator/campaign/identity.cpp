@@ -1,0 +1,102 @@
+#include <fmt/format.h>
+#include <sha256.h>
+#include <sys/stat.h>
+#include <toml++/toml.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <cstring>
+#include <map>
+#include <mutex>
+#include <string_view>
+#include <tuple>
+
+#include "emulator/campaign/campaign.hpp"
+#include "emulator/config/config_text.hpp"
+#include "emulator/ground/text_file.hpp"
+#include "transports/port.hpp"
+
+namespace imud {
+namespace {
+
+// The SHA-256 of files, in hexadecimal. Any thread may call it.
+class FileDigests {
+ public:
+  // Throws OpenError.
+  std::string of(const std::string& path) {
+    struct stat now {};
+    if (::stat(path.c_str(), &now) != 0) throw OpenError(fmt::format("{}: {}", path, std::strerror(errno)));
+    const Version version{now.st_dev, now.st_ino, now.st_size, now.st_mtim.tv_sec, now.st_mtim.tv_nsec};
+    const std::lock_guard lock(mutex_);
+    Known& known = known_[path];
+    if (known.digest.empty() || known.version != version) {
+      std::array<char, SHA256_DIGEST_STRING_LENGTH> text;
+      if (SHA256File(path.c_str(), text.data()) == nullptr)
+        throw OpenError(fmt::format("{}: {}", path, std::strerror(errno)));
+      known = {version, text.data()};
+    }
+    return known.digest;
+  }
+
+ private:
+  using Version = std::tuple<dev_t, ino_t, off_t, time_t, long>;
+  struct Known {
+    Version version;
+    std::string digest;
+  };
+  std::mutex mutex_;
+  std::map<std::string, Known> known_;
+};
+
+bool is_file_at(const std::string& path) {
+  struct stat file {};
+  return ::stat(path.c_str(), &file) == 0 && S_ISREG(file.st_mode);
+}
+
+// Returns a port's text with the digest of its file in place of the path if it is read, else without its path.
+std::string without_path(const std::string& port, bool is_read, FileDigests& digests) {
+  const Transport* transport = transport_of(port);
+  if (transport == nullptr || !transport->has_path) return port;
+  const std::size_t begin = transport->name.size() + 1;
+  const std::size_t end = std::min(port.find('?'), port.size());
+  const std::string path = port.substr(begin, end - begin);
+  return port.substr(0, begin) + (is_read ? digests.of(path) : std::string()) + port.substr(end);
+}
+
+// Replaces the path of each file by the file's digest.
+void replace_paths(toml::node& node, std::string_view key, bool is_truth, FileDigests& digests) {
+  if (auto* table = node.as_table())
+    for (auto&& [name, value] : *table) replace_paths(value, name.str(), is_truth || name == "truth", digests);
+  if (auto* array = node.as_array())
+    for (toml::node& item : *array) replace_paths(item, key, is_truth, digests);
+  auto* text = node.as_string();
+  if (text == nullptr) return;
+  const bool is_port = key == "port" || key == "second_port" || key == "also";
+  if (is_port) {
+    *text = without_path(text->get(), is_truth, digests);
+  } else if (const bool may_be_path = text->get().find('/') != std::string::npos || key.ends_with("_file") ||
+                                      key == "gnss_almanac" || key == "model";
+             may_be_path && is_file_at(text->get())) {
+    *text = digests.of(text->get());
+  }
+}
+
+}  // namespace
+
+std::string identity_of(const Campaign& campaign, const Config& config) {
+  static FileDigests digests;
+  toml::table all = toml::parse(config.resolved());
+  all.erase("control");
+  all.erase("web");
+  replace_paths(all, "", false, digests);
+  std::string text = fmt::format("imud {}\n{}", IMUD_VERSION, toml_text(std::move(all)));
+  if (campaign.test) text += fmt::format("test {}\n{}\n", campaign.test->time_limit_s, campaign.test->command);
+  return sha256(text);
+}
+
+std::string identity_of(const Campaign& campaign, const CampaignCase& c) {
+  return identity_of(campaign, config_of(campaign, c));
+}
+
+}  // namespace imud
