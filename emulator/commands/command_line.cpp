@@ -18,6 +18,7 @@
 #include <vector>
 
 #include "emulator/commands/check.hpp"
+#include "emulator/commands/command_words.hpp"
 #include "emulator/commands/demo.hpp"
 #include "emulator/commands/found_config.hpp"
 #include "emulator/commands/help_topics.hpp"
@@ -25,7 +26,6 @@
 #include "emulator/commands/list.hpp"
 #include "emulator/commands/selftest.hpp"
 #include "emulator/config/load_config.hpp"
-#include "emulator/ground/table_reader.hpp"
 #include "emulator/init/example.hpp"
 #include "emulator/init/init.hpp"
 #include "emulator/plan/config.hpp"
@@ -102,33 +102,6 @@ int replay(const Arguments& arguments) {
     throw PortError("--record: a repeated run has the record that it is repeated from; omit --record");
   const Config config = load_replay(arguments.config, overrides, arguments.capture, arguments.scenarios).config;
   return has_workers ? replay_seeds(config, options, arguments.seeds) : run(config, options);
-}
-
-// Returns the arguments after the program's name; `help COMMAND` becomes `COMMAND --help`.
-std::vector<std::string> words(int argc, const char* const* argv) {
-  std::vector<std::string> all(argv + 1, argv + argc);
-  if (all.empty() || all.front() != "help") return all;
-  all.erase(all.begin());
-  all.emplace_back("--help");
-  return all;
-}
-
-// Returns the fault of a first argument that is neither an option nor a command; empty if there is none.
-std::string unknown_command(const CLI::App& app, const std::vector<std::string>& arguments) {
-  if (arguments.empty() || arguments.front().starts_with('-')) return {};
-  std::vector<std::string> commands;
-  for (const CLI::App* command : app.get_subcommands({})) commands.push_back(command->get_name());
-  const std::string& given = arguments.front();
-  if (std::find(commands.begin(), commands.end(), given) != commands.end()) return {};
-  return fmt::format("unknown command \"{}\"; {}", given,
-                     suggestion(given, commands, fmt::format("there are {}", fmt::join(commands, ", "))));
-}
-
-// Returns true if the word after `help` is neither a command nor a request for help itself.
-bool is_topic(const CLI::App& app, std::string_view word) {
-  const auto commands = app.get_subcommands({});
-  return word != "-h" && word != "--help" &&
-         std::ranges::none_of(commands, [&](const CLI::App* command) { return command->get_name() == word; });
 }
 
 // Prints a fault; if too many files are open, also how to permit more.
@@ -310,7 +283,7 @@ int execute(int argc, const char* const* argv) {
       "Example: imud check imu.toml && imud run imu.toml --for 10\n"
       "Every key: emulator/CONFIGURATION.md, in the source and, installed, in share/imud");
 
-  std::vector<std::string> given = words(argc, argv);
+  std::vector<std::string> given = command_words(argc, argv);
   if (given.size() == 2 && std::string_view(argv[1]) == "help" && is_topic(app, argv[2]))
     return help_topic(app, argv[2]);
   if (const std::string fault = unknown_command(app, given); !fault.empty()) {
