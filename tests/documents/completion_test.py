@@ -88,8 +88,8 @@ class Zsh:
 class CompletionTest(unittest.TestCase):
     def expect_all(self, shell):
         cases = [([*words, "--"], [name for name in options(words) if name.startswith("--")]) for words in commands()]
-        cases += [(["imud", ""], [words[1] for words in commands() if len(words) > 1]),
-                  (["imud", "help", ""], [words[1] for words in commands() if len(words) > 1]),
+        cases += [(["imud", ""], [words[1] for words in commands() if len(words) == 2]),
+                  (["imud", "help", ""], [words[1] for words in commands() if len(words) == 2]),
                   (["imud", "help", "truth.d"], ["truth.delay_ms"]),
                   (["imud", "example", ""], names("protocol", "truth format", "preset")),
                   (["imud", "init", ""], [*names("protocol"), "vn-200", "3dm-gq7", "openimu300ri"]),

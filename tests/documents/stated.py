@@ -24,11 +24,16 @@ def output(*words, **others):
 def commands():
     """The words of each command line that has a --help."""
     for program in ("imud", "imu-allan", "imu-decode", "imu-fit", "imu-plot", "imu-truth"):
-        yield [program]
-    listed = help_of("imud").split("Subcommands:\n")[1].split("\n\n")[0]
-    for name in re.findall(r"^  (\w+)", listed, re.MULTILINE):
-        if name != "help":
-            yield ["imud", name]
+        yield from below([program])
+
+
+def below(words):
+    """A command, and the commands that it has."""
+    yield words
+    for listed in re.findall(r"^Subcommands:\n(.*?)(?:\n\n|\Z)", help_of(*words), re.MULTILINE | re.DOTALL):
+        for name in re.findall(r"^  (\w+)", listed, re.MULTILINE):
+            if name != "help":
+                yield from below([*words, name])
 
 
 @functools.cache

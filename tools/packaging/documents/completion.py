@@ -64,6 +64,10 @@ class Completion:
             "topics": keys((source / "emulator/CONFIGURATION.md").read_text()),
             "commands": [entry.names[0] for entry in programs.commands["imud"].commands],
         }
+        # The commands that have commands of their own.
+        self.groups = [command for command in programs.commands.values() if len(command.words) > 1 and command.commands]
+        for command in self.groups:
+            self.sets[f"{command.words[-1]}_commands"] = [entry.names[0] for entry in command.commands]
 
     def kinds(self, command, entry):
         """What completes the value of an option or a positional argument: some of FILES, RUNS, SCENARIOS and the sets."""
@@ -86,14 +90,14 @@ class Completion:
             return ["names", "lists"] if words == "imud list" else ["names"]
         if value.startswith("PRESET"):
             return ["presets", FILES]
-        if re.search(r"FILE|PATH|RECORD", value) or name in ("CONFIG", "CAPTURE", "FILE", "LINK"):
+        if re.search(r"FILE|PATH|RECORD|DIR", value) or name in ("CONFIG", "CAPTURE", "FILE", "LINK", "PLAN", "DIR"):
             return [FILES]
         return [NOTHING]
 
     def bash(self):
         out = ["# Completion of imud's commands for bash, made from their --help."]
         out += [f"_imud_{name}='{' '.join(words)}'" for name, words in self.sets.items()]
-        out.append(BASH_BEGIN)
+        out.append(BASH_BEGIN.replace("GROUPS", "|".join(command.words[-1] for command in self.groups)))
         for words, command in self.programs.commands.items():
             flags = [name for option in command.options for name in option.names]
             valued = [name for option in command.options if option.value for name in option.names]
@@ -104,6 +108,8 @@ class Completion:
                     out.append(f"        {'|'.join(option.names)}) kinds='{' '.join(self.kinds(command, option))}' ;;")
             out.append("      esac")
             positionals = [" ".join(self.kinds(command, entry)) for entry in command.positionals]
+            if command in self.groups:
+                positionals = [f"{command.words[-1]}_commands"]
             out.append(f"      positionals=({' '.join(repr(kinds) for kinds in positionals)})")
             if command.positionals and command.positionals[-1].repeated:
                 out.append("      repeated=1")
@@ -146,6 +152,8 @@ class Completion:
                 out.append(f"_imud_described() {{ local -a commands=({described}); _describe command commands }}")
                 specs += ["(-)1:command:_imud_described", "(-)*::argument:->argument"]
                 out.append("_imud_help() { _imud_described; _imud_topics }")
+            if command in self.groups:
+                specs += [f"(-)1:command:_imud_{command.words[-1]}_commands", "(-)*::argument:->argument"]
             out.append(f"_{command.name.replace('-', '_')}_specs() {{ specs=({' '.join(quoted(spec) for spec in specs)}) }}")
         out.append(ZSH_END)
         return "\n".join(out) + "\n"
@@ -165,7 +173,16 @@ class Completion:
         for words, command in self.programs.commands.items():
             program = command.words[0]
             condition = "__fish_use_subcommand" if words == "imud" else \
-                f"__fish_seen_subcommand_from {command.words[1]}" if len(command.words) > 1 else ""
+                "; and ".join(f"__fish_seen_subcommand_from {word}" for word in command.words[1:])
+            # A command below another one can have the name of a command.
+            others = [group.words[1] for group in self.groups if len(command.words) == 2 and
+                      f"{' '.join(group.words)} {command.words[1]}" in self.programs.commands]
+            condition += "".join(f"; and not __fish_seen_subcommand_from {other}" for other in others)
+            if command in self.groups:
+                names = " ".join(self.sets[f"{command.words[1]}_commands"])
+                for entry in command.commands:
+                    out.append(f"complete -c {program} -n {quoted(f'{condition}; and not __fish_seen_subcommand_from {names}')} "
+                               f"-f -a {quoted(entry.names[0])} -d {quoted(entry.text)}")
             begin = f"complete -c {program}" + (f" -n {quoted(condition)}" if condition else "")
             if words == "imud":
                 for entry in command.commands:
@@ -220,6 +237,9 @@ _imud() {
   if [[ $word == [=:]* || $previous == [=:] ]]; then return; fi
   if [[ $program == imud ]] && ((COMP_CWORD > 1)) && [[ ${COMP_WORDS[1]} != -* ]]; then
     program="imud ${COMP_WORDS[1]}" first=2
+    if ((COMP_CWORD > 2)) && [[ ${COMP_WORDS[1]} == @(GROUPS) && ${COMP_WORDS[2]} != -* ]]; then
+      program+=" ${COMP_WORDS[2]}" first=3
+    fi
   elif [[ $program == imud ]]; then
     positionals=(commands)
   fi
@@ -255,8 +275,14 @@ _imud_dispatch() {
   if [[ $words[1] == help ]]; then
     _arguments '1:topic:_imud_help'
   elif (($+functions[_imud_${words[1]}_specs])); then
-    _imud_${words[1]}_specs
-    _arguments "${specs[@]}"
+    local group=$words[1]
+    state=''
+    _imud_${group}_specs
+    _arguments -C "${specs[@]}"
+    if [[ $state == argument ]] && (($+functions[_imud_${group}_${words[1]}_specs])); then
+      _imud_${group}_${words[1]}_specs
+      _arguments "${specs[@]}"
+    fi
   fi
 }
 _imud_dispatch "$@"

@@ -118,10 +118,7 @@ class Programs:
         self.folder = pathlib.Path(folder)
         self.commands = {}
         for program in PROGRAMS:
-            command = self.add([program])
-            for entry in command.commands:
-                if entry.names[0] != "help":
-                    self.add([program, entry.names[0]]).summary = entry.text
+            self.add([program])
         self.version = self.output(["imud", "--version"]).split()[1]
         self.names = json.loads(self.output(["imud", "list", "--json"]))
         self.faults = json.loads(self.output(["imud", "list", "faults", "--json"]))
@@ -130,8 +127,12 @@ class Programs:
         return subprocess.run([self.folder / words[0], *words[1:]], check=True, capture_output=True, text=True).stdout
 
     def add(self, words):
+        """Adds a command, and the commands below it, such as those of `imud campaign`."""
         command = parse(words, self.output([*words, "--help"]))
         self.commands[" ".join(words)] = command
+        for entry in command.commands:
+            if entry.names[0] != "help":
+                self.add([*words, entry.names[0]]).summary = entry.text
         return command
 
     def of_kind(self, kind):

@@ -62,7 +62,7 @@ class Manual:
             page.head("COMMANDS")
             for entry in command.commands:
                 page.item(f"\\fB{escape(entry.names[0])}\\fR", entry_text(entry))
-            page.paragraph("Each has a page of its own, such as `imud-run(1)`.")
+            page.paragraph(f"Each has a page of its own, such as `{command.name}-{command.commands[0].names[0]}(1)`.")
         if command.name == "imud-ctl":
             page.head("METHODS")
             page.lines += self.methods()
