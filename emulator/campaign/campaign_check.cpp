@@ -7,6 +7,7 @@
 #include <set>
 #include <utility>
 
+#include "emulator/campaign/case_cost.hpp"
 #include "emulator/drive/assembly.hpp"
 
 namespace imud {
@@ -80,6 +81,60 @@ std::string description(const Campaign& campaign, std::uint64_t index) {
   return parts.empty() ? "the configuration" : fmt::format("{}", fmt::join(parts, " "));
 }
 
+void print_axes(const Campaign& campaign) {
+  std::vector<std::string> factors;
+  for (const CampaignAxis& axis : campaign.axes) factors.push_back(fmt::to_string(axis.values.size()));
+  if (campaign.draws) factors.push_back(fmt::format("{} draws", campaign.draws->plan.count));
+  const std::uint64_t seeds = campaign.seeds.size();
+  factors.push_back(fmt::format("{} seed{}", seeds, seeds == 1 ? "" : "s"));
+  fmt::print("{:<8} {}: {}\n", "cases", campaign.cases(), fmt::join(factors, " x "));
+  constexpr std::size_t most_shown = 6;
+  for (const CampaignAxis& axis : campaign.axes) {
+    std::vector<std::string> texts;
+    for (const CampaignAxis::Value& value : axis.values)
+      if (texts.size() < most_shown) texts.push_back(value.text.empty() ? "none" : value.text);
+    if (axis.values.size() > most_shown) texts.push_back(fmt::format(".., {}", axis.values.back().text));
+    fmt::print("{:<8} {}: {}\n", "axis", axis.name, fmt::join(texts, ", "));
+  }
+  if (campaign.draws) {
+    const DrawPlan& plan = campaign.draws->plan;
+    std::vector<std::string> keys;
+    for (const DrawnKey& drawn : campaign.draws->keys) keys.push_back(drawn.key());
+    fmt::print("{:<8} {}, {}, seed {}: {}\n", "draws", plan.count, word_of(draw_method_words, plan.method), plan.seed,
+               fmt::join(keys, ", "));
+  }
+  fmt::print("{:<8} {}..{}\n", "seeds", campaign.seeds.first, campaign.seeds.last);
+}
+
+// Returns "4.2 min".
+std::string rough_time(double time_s) {
+  constexpr double minute = 60, hour = 3600, day = 86400;
+  if (time_s < 2 * minute) return fmt::format("{:.3g} s", time_s);
+  if (time_s < 2 * hour) return fmt::format("{:.3g} min", time_s / minute);
+  if (time_s < 2 * day) return fmt::format("{:.3g} h", time_s / hour);
+  return fmt::format("{:.3g} days", time_s / day);
+}
+
+std::string rough_size(double bytes) {
+  constexpr double k = 1e3;
+  if (bytes < k) return fmt::format("{:.3g} bytes", bytes);
+  if (bytes < k * k) return fmt::format("{:.3g} kB", bytes / k);
+  if (bytes < k * k * k) return fmt::format("{:.3g} MB", bytes / k / k);
+  return fmt::format("{:.3g} GB", bytes / k / k / k);
+}
+
+void print_cost(const Campaign& campaign) {
+  const CampaignCost cost = measure_cases(campaign);
+  const auto cases = static_cast<double>(campaign.cases());
+  const double all_s = cost.case_s * cases / cost.processors;
+  fmt::print("{:<8} {}{} a case (measured: case{} {}), {}{} for all on the {} processor{} here{}\n", "time",
+             cost.is_cut ? "more than " : "", rough_time(cost.case_s), cost.cases.size() == 1 ? "" : "s",
+             fmt::join(cost.cases, ", "), cost.is_cut ? "more than " : "", rough_time(all_s), cost.processors,
+             cost.processors == 1 ? "" : "s", campaign.test ? ", without [test]" : "");
+  fmt::print("{:<8} {} a case, {} for all\n", "results", rough_size(cost.row_bytes),
+             rough_size(cost.row_bytes * cases));
+}
+
 }  // namespace
 
 TriedCases try_cases(const Campaign& campaign) {
@@ -107,6 +162,17 @@ TriedCases try_cases(const Campaign& campaign) {
   }
   trial.finish();
   return tried;
+}
+
+int campaign_check(const std::string& plan) {
+  const Campaign campaign = read_campaign(plan);
+  const TriedCases tried = try_cases(campaign);
+  fmt::print("{}: good\n", plan);
+  print_axes(campaign);
+  fmt::print("{:<8} {} of {} values, each beside the first values of the other axes; {} draws; {} combinations\n",
+             "tried", tried.values, tried.all_values, tried.draws, tried.combinations);
+  print_cost(campaign);
+  return 0;
 }
 
 }  // namespace imud

@@ -22,4 +22,8 @@ struct TriedCases {
 // number of the first case that has it.
 TriedCases try_cases(const Campaign& campaign);
 
+// Reads the plan, tries its cases and runs a few of them. Prints the axes, how many cases there are, how long they
+// take on this machine and how many bytes the results have. Returns the exit code. Throws ConfigError.
+int campaign_check(const std::string& plan);
+
 }  // namespace imud

@@ -17,6 +17,7 @@
 #include <utility>
 #include <vector>
 
+#include "emulator/campaign/campaign_commands.hpp"
 #include "emulator/commands/check.hpp"
 #include "emulator/commands/command_words.hpp"
 #include "emulator/commands/demo.hpp"
@@ -276,6 +277,7 @@ int execute(int argc, const char* const* argv) {
   const CLI::App* init_command = add_init_command(app, init_options);
 
   RunCommands run_commands(app);
+  CampaignCommands campaign_commands(app);
 
   app.add_subcommand("help", "Show this text, that of a command, or what is known of a key or a word")
       ->add_option("TOPIC");
@@ -321,6 +323,7 @@ int execute(int argc, const char* const* argv) {
     if (demo_command->parsed()) return demo(demo_options);
     if (init_command->parsed()) return init(init_options);
     if (const std::optional<int> exit_code = run_commands.execute()) return *exit_code;
+    if (const std::optional<int> exit_code = campaign_commands.execute()) return *exit_code;
     if (pty_command->parsed()) return keep_ptys(links, background);
     if (selftest_command->parsed()) {
       const Config config =

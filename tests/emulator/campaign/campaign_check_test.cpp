@@ -80,5 +80,60 @@ TEST_F(CampaignCheck, AThousandValuesOfAnAxisAreTried) {
   EXPECT_EQ(tried_.all_values, 3000U);
 }
 
+TEST_F(CampaignCheck, TheCommandSaysWhatThePlanCosts) {
+  write("plan.toml", head + R"(seeds = "1..50"
+[axes]
+imu.imu1.gyro.max_rad_per_s = { from = 1, to = 8, count = 8 }
+capture = ["truth.csv"]
+[draws]
+count = 3
+[draws.keys]
+imu.imu1.gyro.bias_rad_per_s = { distribution = "normal", standard_deviation = 1e-3, components = 3 }
+)");
+  const ProgramResult run = run_program("imud", {"campaign", "check", path("plan.toml")});
+  EXPECT_EQ(run.exit_code, 0) << run.errors;
+  EXPECT_TRUE(run.errors.empty()) << run.errors;
+  const std::vector<std::string> lines = lines_of(run.output);
+  ASSERT_EQ(lines.size(), 9U) << run.output;
+  EXPECT_EQ(lines[0], path("plan.toml") + ": good");
+  EXPECT_EQ(lines[1], "cases    1200: 8 x 1 x 3 draws x 50 seeds");
+  EXPECT_EQ(lines[2], "axis     imu.imu1.gyro.max_rad_per_s: 1, 2, 3, 4, 5, 6, .., 8");
+  EXPECT_EQ(lines[3], "axis     capture: truth.csv");
+  EXPECT_EQ(lines[4], "draws    3, random, seed 1: imu.imu1.gyro.bias_rad_per_s");
+  EXPECT_EQ(lines[5], "seeds    1..50");
+  EXPECT_EQ(lines[6],
+            "tried    9 of 9 values, each beside the first values of the other axes; 3 draws; 24 combinations");
+  EXPECT_TRUE(std::regex_match(
+      lines[7], std::regex("time     [0-9.e-]+ s a case \\(measured: cases 0, 599, 1199\\), .* for all "
+                           "on the [0-9]+ processors? here")))
+      << lines[7];
+  EXPECT_TRUE(std::regex_match(lines[8], std::regex("results  [0-9.]+ k?B.* a case, [0-9.]+ .B for all")))
+      << lines[8];
+}
+
+TEST_F(CampaignCheck, TheCommandListsFaults) {
+  write("plan.toml", head + "[axes]\nimu.imu1.rate_hz = [-1, 10]\ncapture = [\"no.csv\"]\n");
+  const ProgramResult run = run_program("imud", {"campaign", "check", path("plan.toml")});
+  EXPECT_EQ(run.exit_code, 2);
+  EXPECT_TRUE(contains(run.errors, "plan.toml:5: axes.capture: there is no file ")) << run.errors;
+  EXPECT_TRUE(contains(run.errors, "\n1 fault\n")) << run.errors;
+  EXPECT_TRUE(run.output.empty());
+  const ProgramResult absent = run_program("imud", {"campaign", "check", path("absent.toml")});
+  EXPECT_EQ(absent.exit_code, 2);
+  EXPECT_TRUE(contains(absent.errors, "absent.toml: cannot be read: No such file")) << absent.errors;
+}
+
+TEST_F(CampaignCheck, AnUnknownCommandIsNamed) {
+  const ProgramResult run = run_program("imud", {"campaign", "chek", "plan.toml"});
+  EXPECT_EQ(run.exit_code, 2);
+  EXPECT_EQ(run.errors, "imud: unknown command \"chek\"; did you mean \"check\"?\n");
+}
+
+TEST_F(CampaignCheck, TheExampleIsRight) {
+  const ProgramResult run = run_program("imud", {"campaign", "check", IMUD_SOURCE_DIR "/tools/campaign.toml"});
+  EXPECT_EQ(run.exit_code, 0) << run.errors;
+  EXPECT_TRUE(contains(run.output, "cases    900: 3 x 3 x 50 draws x 2 seeds")) << run.output;
+}
+
 }  // namespace
 }  // namespace imud
