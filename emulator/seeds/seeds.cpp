@@ -8,8 +8,6 @@
 #include <boost/algorithm/string/replace.hpp>
 #include <charconv>
 #include <csignal>
-#include <filesystem>
-#include <limits>
 #include <nlohmann/json.hpp>
 #include <span>
 #include <stdexcept>
@@ -18,14 +16,13 @@
 #include <vector>
 
 #include "emulator/config/scenario.hpp"
-#include "emulator/drive/assembly.hpp"
-#include "emulator/drive/stored_truths.hpp"
 #include "emulator/engine/closing.hpp"
 #include "emulator/faults/fault_labels.hpp"
 #include "emulator/ground/text_file.hpp"
 #include "emulator/seeds/seed_arrays.hpp"
 #include "emulator/seeds/seed_checks.hpp"
 #include "emulator/seeds/seed_results.hpp"
+#include "emulator/seeds/seed_run.hpp"
 #include "emulator/seeds/worker_processes.hpp"
 #include "emulator/truth/remark_text.hpp"
 #include "transports/host_clock.hpp"
@@ -36,15 +33,6 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-// Returns how many records of the capture are kept at most: all, if it can be read only once.
-std::size_t most_records(const std::string& port) {
-  constexpr std::size_t most = 500'000;
-  const std::string path = port.substr(port.find(':') + 1);
-  std::error_code error;
-  const bool can_read_again = std::filesystem::is_regular_file(path.substr(0, path.find('?')), error);
-  return can_read_again ? most : std::numeric_limits<std::size_t>::max();
-}
-
 // The runs, and their shared data.
 class Runs {
  public:
@@ -53,7 +41,7 @@ class Runs {
         options_(options),
         seeds_(seeds.seeds.value_or(SeedRange{config.seed, config.seed})),
         width_(fmt::formatted_size("{}", seeds_.last)),
-        truths_(options.repeats ? std::nullopt : StoredTruths::read(config.truth, most_records(config.truth.port))) {
+        truths_(options.repeats ? std::nullopt : store_truths(config.truth)) {
     if (truths_) config_.truth.format = &truths_->format();
     if (!options.repeats) config_.control.faults = false;  // nobody controls these runs
     for (const ImuConfig& imu : config.imus) line_loads_.push_back(imu.load.percent);
@@ -110,9 +98,11 @@ class Runs {
   std::string work(std::size_t item) const;
 
  private:
-  template <class End>
-  void run(const Config& config, const Ports& ports, const std::atomic<bool>& stop, const End& end,
-           const std::function<void(std::size_t)>& awaits_truth = nullptr) const;
+  SeedRun seed_run() const {
+    SeedRun run{.truths = truths_ ? &*truths_ : nullptr, .repeats = options_.repeats};
+    if (options_.duration_s) run.limits.duration = nanoseconds(*options_.duration_s);
+    return run;
+  }
   SeedRange seeds_of(std::size_t item) const noexcept {
     if (done_ > 0) return {missing_[item / parts_], missing_[item / parts_]};
     const std::uint64_t before = item / parts_ * together_;
@@ -147,13 +137,12 @@ class Runs {
     return [this](const Config& config, const Ports& ports, const auto& awaits_truth) {
       const std::atomic<bool> no_stop = false;
       std::string cause;
-      run(
-          config, ports, no_stop,
-          [&](Engine& engine, const std::string&) {
-            imud::commit(engine.channels());
-            cause = fmt::format("{}", fmt::join(remarks(engine.intake().counters()), "; "));
-          },
-          awaits_truth);
+      SeedRun of_arrays = seed_run();
+      of_arrays.limits.awaits_truth = awaits_truth;
+      of_arrays.run(config, ports, no_stop, [&](Engine& engine, const std::string&) {
+        imud::commit(engine.channels());
+        cause = fmt::format("{}", fmt::join(remarks(engine.intake().counters()), "; "));
+      });
       return cause;
     };
   }
@@ -170,22 +159,6 @@ class Runs {
   std::uint64_t done_ = 0;              // seeds that the arrays have already
   std::vector<std::uint64_t> missing_;  // the others, if there are any of these
 };
-
-template <class End>
-void Runs::run(const Config& config, const Ports& ports, const std::atomic<bool>& stop, const End& end,
-               const std::function<void(std::size_t)>& awaits_truth) const {
-  const Ports with_truth = [&](const PortUse& use) {
-    return use.of != PortUse::Of::truth ? ports(use) : truths_ ? truths_->open() : real_ports(use);
-  };
-  Assembly assembly(config, with_truth, {.repeats = options_.repeats});
-  MonotonicHost host;
-  Assembly::Limits limits{.awaits_truth = awaits_truth};
-  if (options_.duration_s) limits.duration = nanoseconds(*options_.duration_s);
-  assembly.run(host, stop, limits);
-  drain(assembly.engine(), std::chrono::milliseconds(50));
-  assembly.engine().finish_faults();
-  end(assembly.engine(), assembly.difference());
-}
 
 std::string Runs::work(std::size_t item) const {
   const SeedRange seeds = seeds_of(item);
@@ -231,7 +204,7 @@ std::string Runs::work(std::size_t item) const {
   };
   std::vector<std::string> summaries;
   std::string failure;
-  run(all, ports, workers_stop(), [&](Engine& engine, const std::string& difference) {
+  seed_run().run(all, ports, workers_stop(), [&](Engine& engine, const std::string& difference) {
     for (std::size_t i = 0; i < seeds.size(); ++i) {
       batch.config.seed = seeds.first + i;
       try {
@@ -250,17 +223,16 @@ std::string Runs::end(Batch& batch, std::size_t run, Engine& engine, const std::
                       std::size_t part) const {
   const std::size_t imus = batch.config.imus.size();
   const auto channels = engine.channels().subspan(run * imus, imus);
-  RunCounters counters{&engine.intake().counters(), &engine.quality(), {}};
-  for (const auto& channel : channels) counters.imus.emplace_back(channel->name, &channel->counters);
-  Summary summary = summarize(counters, seconds(host_now() - batch.begin), batch.line_loads);
-  summary.truth.warning = engine.intake().end_warning();
-  summary.truth.remarks = remarks(*counters.truth);
-  const EndedBy ended_by = engine.intake().at_end() ? EndedBy::end_of_capture
-                           : workers_stop()         ? EndedBy::signal
-                                                    : EndedBy::duration;
-  Outcome outcome = judge(summary, batch.config, ended_by, options_.required, options_.repeats);
-  if (!difference.empty()) outcome.shortfalls.push_back(difference);
-  outcome.expected = expected(channels);
+  Summary summary = judge_run(engine,
+                              {.config = batch.config,
+                               .channels = channels,
+                               .line_loads = batch.line_loads,
+                               .begin = batch.begin,
+                               .is_stopped = workers_stop(),
+                               .required = options_.required,
+                               .repeats = options_.repeats},
+                              difference);
+  Outcome& outcome = summary.whole->outcome;
   std::vector<FaultLabel> all = labels(batch, run, engine, part);
   std::vector<FaultOutcome> faults = fault_outcomes(engine.faults().configured(), all);
   if (parts_ == 1)
@@ -271,9 +243,6 @@ std::string Runs::end(Batch& batch, std::size_t run, Engine& engine, const std::
   if (arrays_)
     for (SeedArrays::Rows& rows : std::span(batch.rows).subspan(run * imus, imus))
       if (const std::string missing = rows.finish(); !missing.empty()) outcome.shortfalls.push_back(missing);
-  summary.whole = {std::move(outcome), batch.config.seed, batch.config.sha256, {}};
-  for (std::size_t i = 0; i < imus; ++i)
-    summary.imus[i].drawn = drawn_terms(batch.config.imus[i].model, batch.config.seed, batch.config.imus[i].name);
   const std::string text = json(summary, JsonLayout::line);
   if (options_.labels_file.empty()) return text;
   Json with_labels = Json::parse(text);
