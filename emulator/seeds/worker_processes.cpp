@@ -15,7 +15,10 @@
 #include <charconv>
 #include <csignal>
 #include <cstring>
-#include <new>
+#include <limits>
+#include <map>
+#include <memory>
+#include <optional>
 #include <stdexcept>
 #include <string_view>
 #include <vector>
@@ -29,23 +32,41 @@ namespace {
 std::atomic<bool> stop = false;
 static_assert(std::atomic<bool>::is_always_lock_free && std::atomic<std::size_t>::is_always_lock_free);
 
-// The number of the next item, in memory that all processes share.
-class NextItem {
+// The number of the next item, and the open item of each worker, in memory that all processes share.
+class SharedItems {
  public:
-  NextItem() {
-    void* memory =
-        ::mmap(nullptr, sizeof(std::atomic<std::size_t>), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
+  static constexpr std::size_t none = std::numeric_limits<std::size_t>::max();
+
+  SharedItems(std::size_t workers, std::size_t items) : items_(items), size_((1 + workers) * sizeof *numbers_) {
+    void* memory = ::mmap(nullptr, size_, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
     if (memory == MAP_FAILED) throw std::runtime_error(fmt::format("shared memory: {}", std::strerror(errno)));
-    next_ = new (memory) std::atomic<std::size_t>(0);
+    numbers_ = static_cast<std::atomic<std::size_t>*>(memory);
+    std::uninitialized_fill_n(numbers_, 1 + workers, none);
+    next() = 0;
   }
-  ~NextItem() { ::munmap(next_, sizeof *next_); }
-  NextItem(const NextItem&) = delete;
-  NextItem& operator=(const NextItem&) = delete;
-  std::size_t take() noexcept { return next_->fetch_add(1); }
-  void end(std::size_t items) noexcept { next_->store(items); }
+  ~SharedItems() { ::munmap(numbers_, size_); }
+  SharedItems(const SharedItems&) = delete;
+  SharedItems& operator=(const SharedItems&) = delete;
+
+  // Returns the next item for the worker of that number; nullopt: there is none. It is the worker's open item before
+  // it is taken, so that a death at any instant leaves no item that nobody does.
+  std::optional<std::size_t> take(std::size_t worker) noexcept {
+    std::size_t item = next();
+    do {
+      if (item >= items_) return std::nullopt;
+      open(worker) = item;
+    } while (!next().compare_exchange_weak(item, item + 1));
+    return item;
+  }
+  std::atomic<std::size_t>& open(std::size_t worker) noexcept { return numbers_[1 + worker]; }
+  bool has_next() noexcept { return next() < items_; }
+  void end() noexcept { next() = items_; }
 
  private:
-  std::atomic<std::size_t>* next_;
+  std::atomic<std::size_t>& next() noexcept { return numbers_[0]; }
+
+  const std::size_t items_, size_;
+  std::atomic<std::size_t>* numbers_;
 };
 
 bool write_all(int file, std::string_view text) {
@@ -58,18 +79,19 @@ bool write_all(int file, std::string_view text) {
   return true;
 }
 
-// The life of a worker: lines "ITEM TEXT", or "! CAUSE".
-[[noreturn]] void work(const WorkerProcesses& workers, NextItem& next, std::size_t items, int out) {
+// The life of a worker: lines "ITEM TEXT", or "! CAUSE". `first`: the item that it does before others.
+[[noreturn]] void work(const WorkerProcesses& workers, SharedItems& items, std::size_t number,
+                       std::optional<std::size_t> first, int out) {
   ::prctl(PR_SET_PDEATHSIG, SIGKILL);
   // The memory of an item is kept for the next: returning it to the kernel costs a tenth of a run.
   constexpr int kept = 16 * 1024 * 1024;
   ::mallopt(M_MMAP_THRESHOLD, kept);
   ::mallopt(M_TRIM_THRESHOLD, 8 * kept);
   try {
-    for (std::size_t item = next.take(); item < items && !stop; item = next.take())
-      if (!write_all(out, fmt::format("{} {}\n", item, workers.work(item)))) break;
+    for (auto item = first ? first : items.take(number); item && !stop; item = items.take(number))
+      if (!write_all(out, fmt::format("{} {}\n", *item, workers.work(*item)))) break;
   } catch (const std::exception& error) {
-    next.end(items);
+    items.end();
     std::string cause = error.what();
     std::replace(cause.begin(), cause.end(), '\n', ' ');
     write_all(out, fmt::format("! {}\n", cause));
@@ -80,7 +102,8 @@ bool write_all(int file, std::string_view text) {
 struct Worker {
   pid_t process = 0;
   FileDescriptor in;
-  std::string text;  // that is not a whole line yet
+  std::string text = {};                 // that is not a whole line yet
+  std::optional<std::size_t> done = {};  // the last item whose text it has sent
 };
 
 void catch_signals() {
@@ -94,25 +117,16 @@ void catch_signals() {
 // Owns the workers: none outlives it.
 class Workers {
  public:
-  Workers(const WorkerProcesses& workers, std::size_t items) : workers_(workers), items_(items) {
-    for (std::size_t i = 0; i < std::min<std::size_t>(workers.jobs, items); ++i) {
-      std::array<int, 2> ends{};
-      if (::pipe2(ends.data(), O_CLOEXEC) != 0)
-        throw std::runtime_error(fmt::format("pipe: {}", std::strerror(errno)));
-      FileDescriptor read(ends[0]), write(ends[1]);
-      const pid_t process = ::fork();
-      if (process < 0) throw std::runtime_error(fmt::format("a worker process: {}", std::strerror(errno)));
-      if (process == 0) work(workers_, next_, items_, write.get());
-      all_.push_back({process, std::move(read), {}});
+  Workers(const WorkerProcesses& workers, std::size_t items)
+      : workers_(workers), all_(std::min<std::size_t>(workers.jobs, items)), items_(all_.size(), items) {
+    try {
+      for (std::size_t i = 0; i < all_.size(); ++i) start(i);
+    } catch (...) {
+      end_all();
+      throw;
     }
   }
-  ~Workers() {
-    for (Worker& worker : all_)
-      if (worker.process > 0) {
-        ::kill(worker.process, SIGKILL);
-        ::waitpid(worker.process, nullptr, 0);
-      }
-  }
+  ~Workers() { end_all(); }
   Workers(const Workers&) = delete;
   Workers& operator=(const Workers&) = delete;
 
@@ -122,11 +136,11 @@ class Workers {
       for (const Worker& worker : all_)
         if (worker.process > 0) ::kill(worker.process, SIGTERM);
     std::vector<pollfd> ready;
-    for (const Worker& worker : all_) ready.push_back({worker.in.get(), POLLIN, 0});
+    for (const Worker& worker : all_) ready.push_back({worker.in.get(), POLLIN, 0});  // of an ended one it is -1
     ::poll(ready.data(), ready.size(), 200);
     bool any = false;
     for (std::size_t i = 0; i < all_.size(); ++i) {
-      if (ready[i].revents != 0) receive(all_[i]);
+      if (ready[i].revents != 0) receive(i);
       any = any || all_[i].process > 0;
     }
     return any;
@@ -134,11 +148,30 @@ class Workers {
   const std::string& failure() const noexcept { return failure_; }
 
  private:
-  void receive(Worker& worker) {
+  void start(std::size_t number, std::optional<std::size_t> first = {}) {
+    std::array<int, 2> ends{};
+    if (::pipe2(ends.data(), O_CLOEXEC) != 0) throw std::runtime_error(fmt::format("pipe: {}", std::strerror(errno)));
+    FileDescriptor read(ends[0]), write(ends[1]);
+    items_.open(number) = first.value_or(SharedItems::none);
+    const pid_t process = ::fork();
+    if (process < 0) throw std::runtime_error(fmt::format("a worker process: {}", std::strerror(errno)));
+    if (process == 0) work(workers_, items_, number, first, write.get());
+    all_[number] = {process, std::move(read)};
+  }
+  void end_all() noexcept {
+    for (Worker& worker : all_)
+      if (worker.process > 0) {
+        ::kill(worker.process, SIGKILL);
+        ::waitpid(worker.process, nullptr, 0);
+      }
+  }
+
+  void receive(std::size_t number) {
+    Worker& worker = all_[number];
     std::array<char, 65536> part;
     const ssize_t size = ::read(worker.in.get(), part.data(), part.size());
     if (size < 0) return;
-    if (size == 0) return end(worker);
+    if (size == 0) return end(number);
     worker.text.append(part.data(), static_cast<std::size_t>(size));
     for (std::size_t at = 0; (at = worker.text.find('\n')) != std::string::npos; worker.text.erase(0, at + 1)) {
       const std::string_view line = std::string_view(worker.text).substr(0, at);
@@ -149,25 +182,44 @@ class Workers {
       }
       std::size_t item = 0;
       std::from_chars(line.data(), line.data() + blank, item);
+      worker.done = item;
       workers_.take(item, std::string(line.substr(blank + 1)));
     }
   }
 
-  void end(Worker& worker) {
+  void end(std::size_t number) {
+    Worker& worker = all_[number];
     worker.in.reset();
     int status = 0;
     while (::waitpid(worker.process, &status, 0) < 0 && errno == EINTR) {
     }
     worker.process = 0;
-    if (!WIFSIGNALED(status)) return;
-    next_.end(items_);
-    if (failure_.empty()) failure_ = fmt::format("a worker process was ended by signal {}", WTERMSIG(status));
+    if (WIFEXITED(status) && WEXITSTATUS(status) == 0) return;
+    const std::string cause = WIFSIGNALED(status)
+                                  ? fmt::format("a worker process was ended by signal {}", WTERMSIG(status))
+                                  : fmt::format("a worker process has ended with {}", WEXITSTATUS(status));
+    if (workers_.lose) return replace(number, cause);
+    items_.end();
+    if (failure_.empty()) failure_ = cause;
+  }
+
+  // Starts another worker in place of one that has died.
+  void replace(std::size_t number, const std::string& cause) {
+    if (stop) return;
+    const std::size_t item = items_.open(number);
+    const bool is_open = item != SharedItems::none && item != all_[number].done;
+    const bool is_lost = is_open && ++deaths_[item] > 1;
+    if (is_lost) workers_.lose(item, cause);
+    if (is_open && !is_lost)
+      start(number, item);
+    else if (items_.has_next())
+      start(number);
   }
 
   const WorkerProcesses& workers_;
-  const std::size_t items_;
-  NextItem next_;
   std::vector<Worker> all_;
+  SharedItems items_;
+  std::map<std::size_t, int> deaths_;  // of workers, by their open item
   std::string failure_;
 };
 

@@ -16,6 +16,10 @@ struct WorkerProcesses {
   std::function<void(std::size_t item, std::string text)> take;
   // Called about five times a second in the calling process.
   std::function<void()> tick = [] {};
+  // If set, the death of a worker costs its open item alone, which another worker does again. An item at which two
+  // workers have died is lost: this is called with the cause. Then `take` may receive an item twice, or an item that
+  // is lost. Empty: a death ends all workers.
+  std::function<void(std::size_t item, const std::string& cause)> lose = nullptr;
 };
 
 // Does the items 0 to `items` - 1, each once. Call it while the process has one thread. SIGINT and SIGTERM end the
