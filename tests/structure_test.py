@@ -6,7 +6,8 @@ import re
 import sys
 
 # The rooms of emulator that a tool may link: all that runs a configuration, but not the daemon around it.
-ENGINE = {f"emulator/{room}" for room in ("ground", "plan", "faults", "frames", "config", "truth", "imu", "engine", "record", "drive")}
+ENGINE = {f"emulator/{room}" for room in ("ground", "plan", "faults", "frames", "config", "truth", "imu", "engine", "record", "drive",
+                                              "campaign/shards")}
 
 # folder: (folders of the project it may include, system headers it must not)
 RULES = {
@@ -40,8 +41,8 @@ FLOORS = {
     "transports": ["port.hpp port_spec.* endpoint.* host_clock.hpp file_descriptor.hpp byte_writer.* "
                    "loaded_library.hpp",
                    "can/ file/ socket/ uart/", "capture/", ""],
-    "emulator": ["ground/", "plan/", "faults/ frames/", "config/", "truth/", "imu/", "engine/", "record/", "drive/", "report/", "control/",
-                 "web/", "run/", "seeds/", "campaign/", "init/ watch/", "commands/", ""],
+    "emulator": ["ground/", "campaign/shards/ plan/", "faults/ frames/", "config/", "truth/", "imu/", "engine/", "record/", "drive/", "report/", "control/",
+                 "web/", "run/", "seeds/", "campaign/cases/", "campaign/", "init/ watch/", "commands/", ""],
     "tools": ["*_client.hpp duration_text.* gnuplot.* number_check.hpp output_options.hpp program.* "
               "setting_texts.hpp stop_signal.* stream_*.* text_output.*", "input/ replay/ vcan/ checks/", "arrays/ find/", "truth/", "allan/",
               "plot/ fit/", ""],

@@ -1,0 +1,41 @@
+// Sha256Stream: the SHA-256 (FIPS 180-4) of bytes that come in pieces.
+#pragma once
+
+#include <cstddef>
+#include <memory>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace imud {
+
+// Computed by OpenSSL's library if the machine has it, which uses the processor's instructions, and by libmd, which
+// takes seven times as long, otherwise. add() gathers short pieces, and allocates nothing. One thread.
+class Sha256Stream {
+ public:
+  // `may_use_openssl`: false: computed by libmd.
+  explicit Sha256Stream(bool may_use_openssl = true);
+
+  void add(std::span<const std::byte> bytes) noexcept;
+  void add(std::string_view text) noexcept { add(std::as_bytes(std::span(text))); }
+  // Returns the digest of all bytes so far in hexadecimal. Nothing may be added afterwards.
+  std::string end();
+
+  // One of the two libraries.
+  class Digest {
+   public:
+    virtual ~Digest() = default;
+    virtual void add(std::span<const std::byte> bytes) noexcept = 0;
+    virtual std::string end() = 0;
+  };
+
+ private:
+  void flush() noexcept;
+
+  std::unique_ptr<Digest> digest_;
+  std::vector<std::byte> held_;
+  std::size_t used_ = 0;  // bytes of held_
+};
+
+}  // namespace imud

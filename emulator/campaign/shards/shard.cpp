@@ -1,0 +1,259 @@
+#include "emulator/campaign/shards/shard.hpp"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <array>
+#include <cerrno>
+#include <charconv>
+#include <climits>
+#include <csignal>
+#include <cstdio>
+#include <cstring>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <stdexcept>
+#include <utility>
+
+namespace imud {
+
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+constexpr std::string_view suffix_of_shard = ".jsonl", suffix_of_temporary = ".tmp";
+
+template <class Number>
+bool read_whole(std::string_view text, Number& value) noexcept {
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  return error == std::errc{} && end == text.data() + text.size();
+}
+
+std::optional<CaseRange> range_of(std::string_view text, std::string_view between) noexcept {
+  const std::size_t at = text.find(between);
+  CaseRange cases;
+  if (at == text.npos || !read_whole(text.substr(0, at), cases.first) ||
+      !read_whole(text.substr(at + between.size()), cases.last) || cases.last < cases.first)
+    return std::nullopt;
+  return cases;
+}
+
+std::string this_host() {
+  std::array<char, HOST_NAME_MAX + 1> name{};
+  return ::gethostname(name.data(), name.size() - 1) == 0 ? name.data() : "localhost";
+}
+
+[[noreturn]] void fail(const std::filesystem::path& path, int error) {
+  throw std::runtime_error(fmt::format("{}: {}", path.string(), std::strerror(error)));
+}
+
+FileDescriptor create(const std::filesystem::path& path) {
+  constexpr mode_t mode = 0666;
+  FileDescriptor file(::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, mode));
+  if (!file) fail(path, errno);
+  return file;
+}
+
+void write_whole(int file, std::string_view text, const std::filesystem::path& path) {
+  while (!text.empty()) {
+    const ssize_t size = ::write(file, text.data(), text.size());
+    if (size < 0 && errno == EINTR) continue;
+    if (size < 0) fail(path, errno);
+    text.remove_prefix(static_cast<std::size_t>(size));
+  }
+}
+
+// Waits until the disk has the names in a folder. A file system that cannot do that is no fault.
+void keep_names(const std::filesystem::path& folder) noexcept {
+  const FileDescriptor file(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  if (file) ::fsync(file.get());
+}
+
+std::string header_of(const ShardHead& head) {
+  return Json({{"campaign", 1},
+               {"plan", head.plan},
+               {"version", head.version},
+               {"first", head.cases.first},
+               {"last", head.cases.last}})
+      .dump();
+}
+
+std::string footer_of(std::uint64_t rows, std::string sha256) {
+  return Json({{"rows", rows}, {"sha256", std::move(sha256)}}).dump();
+}
+
+// Returns the JSON object in a line; an empty one if the line has none.
+Json object_in(const std::string& line) {
+  Json object = Json::parse(line, nullptr, false);
+  return object.is_object() ? object : Json::object();
+}
+
+std::optional<ShardHead> head_in(const std::string& line) {
+  try {
+    const Json object = object_in(line);
+    if (object.at("campaign") != 1) return std::nullopt;
+    return ShardHead{object.at("plan"), object.at("version"), {object.at("first"), object.at("last")}};
+  } catch (const nlohmann::json::exception&) {
+    return std::nullopt;
+  }
+}
+
+}  // namespace
+
+std::optional<CaseRange> CaseRange::parse(std::string_view text) noexcept {
+  CaseRange one;
+  if (!read_whole(text, one.first)) return range_of(text, "..");
+  one.last = one.first;
+  return one;
+}
+
+RowResult::RowResult(std::string_view row) {
+  // Most rows are good, and reading all of them as JSON takes long. A quote within a text has a backslash before it.
+  if (row.find("\"exit_code\":0,\"ended_by\"") != row.npos) {
+    exit_code = 0;
+    return;
+  }
+  const Json json = Json::parse(row);
+  exit_code = json.at("exit_code");
+  for (const auto& [name, holds] : json.at("expect").items())
+    expectation_failed = expectation_failed || holds == false;
+  could_not_be_run = !json.at("error").is_null();
+  if (could_not_be_run) error = json.at("error");
+}
+
+std::string shard_name(const CaseRange& cases) {
+  return fmt::format("{:09}-{:09}{}", cases.first, cases.last, suffix_of_shard);
+}
+
+std::optional<CaseRange> cases_of_shard(std::string_view name) noexcept {
+  if (!name.ends_with(suffix_of_shard)) return std::nullopt;
+  return range_of(name.substr(0, name.size() - suffix_of_shard.size()), "-");
+}
+
+std::optional<Shard> read_shard(const std::filesystem::path& path, std::string& fault) {
+  const auto refuse = [&fault](std::string text) {
+    fault = std::move(text);
+    return std::nullopt;
+  };
+  std::ifstream file(path, std::ios::binary);
+  if (!file) return refuse(fmt::format("cannot be read: {}", std::strerror(errno)));
+  Shard shard;
+  Sha256Stream digest;
+  std::string line;
+  // A line without its line feed is cut short.
+  const auto next = [&] { return std::getline(file, line) && !file.eof(); };
+  if (!next()) return refuse("is cut short in its header");
+  std::optional<ShardHead> head = head_in(line);
+  if (!head) return refuse("has no header of a shard");
+  shard.head = std::move(*head);
+  const std::optional<CaseRange> named = cases_of_shard(path.filename().string());
+  if (named && *named != shard.head.cases)
+    return refuse(fmt::format("has the header of the cases {}..{}", shard.head.cases.first, shard.head.cases.last));
+  const std::uint64_t rows = shard.head.cases.size();
+  const auto add = [&] {
+    digest.add(line);
+    digest.add("\n");
+  };
+  add();
+  while (next()) {
+    if (shard.rows.size() == rows) {
+      if (line != footer_of(rows, digest.end())) return refuse("has a footer that does not agree with its content");
+      if (file.peek() != std::ifstream::traits_type::eof()) return refuse("goes on behind its footer");
+      return shard;
+    }
+    add();
+    shard.rows.push_back(line);
+  }
+  return refuse(fmt::format("is cut short after {} of {} rows", shard.rows.size(), rows));
+}
+
+TemporaryFile::TemporaryFile(std::string of) : name(std::move(of)), host(this_host()), process(::getpid()) {}
+
+std::optional<TemporaryFile> TemporaryFile::parse(std::string_view file_name) {
+  if (!file_name.starts_with('.') || !file_name.ends_with(suffix_of_temporary)) return std::nullopt;
+  file_name = file_name.substr(1, file_name.size() - 1 - suffix_of_temporary.size());
+  const std::size_t begin = file_name.find('.'), end = file_name.rfind('.');
+  TemporaryFile file;
+  if (begin == end || !read_whole(file_name.substr(end + 1), file.process)) return std::nullopt;
+  file.name = file_name.substr(0, begin);
+  file.host = file_name.substr(begin + 1, end - begin - 1);
+  return file;
+}
+
+std::string TemporaryFile::file_name() const {
+  return fmt::format(".{}.{}.{}{}", name, host, process, suffix_of_temporary);
+}
+
+bool TemporaryFile::is_left_behind() const {
+  return host == this_host() && process > 0 && ::kill(process, 0) != 0 && errno == ESRCH;
+}
+
+ShardWriter::ShardWriter(std::filesystem::path folder, const ShardHead& head)
+    : folder_(std::move(folder)),
+      cases_(head.cases),
+      temporary_(folder_ / TemporaryFile(fmt::format("{:09}-{:09}", cases_.first, cases_.last)).file_name()),
+      file_(create(temporary_)) {
+  write(header_of(head));
+}
+
+ShardWriter::~ShardWriter() {
+  if (!is_whole_) ::unlink(temporary_.c_str());
+}
+
+void ShardWriter::write(std::string_view line) {
+  constexpr std::size_t most = 65536;
+  digest_.add(line);
+  digest_.add("\n");
+  held_.append(line).push_back('\n');
+  if (held_.size() >= most) flush();
+}
+
+void ShardWriter::flush() {
+  write_whole(file_.get(), held_, temporary_);
+  held_.clear();
+}
+
+void ShardWriter::add(std::string_view row) {
+  ++rows_;
+  write(row);
+}
+
+void ShardWriter::commit() {
+  if (rows_ != cases_.size())
+    throw std::runtime_error(fmt::format("{}: {} of {} rows", temporary_.string(), rows_, cases_.size()));
+  const std::string footer = footer_of(rows_, digest_.end());
+  held_.append(footer).push_back('\n');
+  flush();
+  if (::fsync(file_.get()) != 0) fail(temporary_, errno);
+  file_.reset();
+  const std::filesystem::path path = folder_ / shard_name(cases_);
+  if (::rename(temporary_.c_str(), path.c_str()) != 0) fail(path, errno);
+  is_whole_ = true;
+  keep_names(folder_);
+}
+
+bool write_once(const std::filesystem::path& path, std::string_view text) {
+  const std::filesystem::path temporary = path.parent_path() / TemporaryFile(path.stem().string()).file_name();
+  FileDescriptor file = create(temporary);
+  int error = 0;
+  try {
+    write_whole(file.get(), text, temporary);
+    if (::fsync(file.get()) != 0) fail(temporary, errno);
+    // Unlike rename(2), link(2) leaves a file of that name as it is. Some file systems have no links.
+    if (::link(temporary.c_str(), path.c_str()) != 0) error = errno;
+    if (error == EPERM || error == EOPNOTSUPP || error == ENOSYS) {
+      error = ::access(path.c_str(), F_OK) == 0 ? EEXIST : 0;
+      if (error == 0 && ::rename(temporary.c_str(), path.c_str()) != 0) error = errno;
+    }
+    if (error != 0 && error != EEXIST) fail(path, error);
+  } catch (...) {
+    ::unlink(temporary.c_str());
+    throw;
+  }
+  ::unlink(temporary.c_str());
+  keep_names(path.parent_path());
+  return error == 0;
+}
+
+}  // namespace imud

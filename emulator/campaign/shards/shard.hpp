@@ -1,0 +1,111 @@
+// Shard: a file with the results of consecutive cases of a campaign.
+//
+// A shard has lines of JSON: a header, a row for each case in their order, and a footer with the SHA-256 of all bytes
+// before it (emulator/campaign/README.md). It has its name from the moment on at which it is whole.
+#pragma once
+
+#include <sys/types.h>
+
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "emulator/campaign/shards/sha256_stream.hpp"
+#include "transports/file_descriptor.hpp"
+
+namespace imud {
+
+struct CaseRange {
+  std::uint64_t first = 0, last = 0;  // both included
+  std::uint64_t size() const noexcept { return last - first + 1; }
+  // Returns the range of "0..99", or "7"; nullopt if the text is neither.
+  static std::optional<CaseRange> parse(std::string_view text) noexcept;
+  friend bool operator==(const CaseRange&, const CaseRange&) = default;
+};
+
+struct ShardHead {
+  std::string plan;     // the SHA-256 of the plan's text
+  std::string version;  // of imud
+  CaseRange cases;
+  friend bool operator==(const ShardHead&, const ShardHead&) = default;
+};
+
+struct Shard {
+  ShardHead head;
+  std::vector<std::string> rows;  // of each case: JSON in one line
+};
+
+// The result in a row.
+struct RowResult {
+  int exit_code = 1;
+  bool could_not_be_run = false;    // it has an `error`
+  bool expectation_failed = false;  // one of them
+  std::string error = {};
+
+  // `row` is of a shard that is whole, or of a case that was run. Throws nlohmann::json::exception for other texts.
+  explicit RowResult(std::string_view row);
+};
+
+// Returns the name of the file in the folder `shards`: "000000000-000000099.jsonl".
+std::string shard_name(const CaseRange& cases);
+// Returns the cases of such a name; nullopt if it is the name of no shard.
+std::optional<CaseRange> cases_of_shard(std::string_view name) noexcept;
+
+// Reads a shard. Returns nullopt if it is not whole; then `fault` has the reason, such as "is cut short after 12 of
+// 100 rows".
+std::optional<Shard> read_shard(const std::filesystem::path& path, std::string& fault);
+
+// The file into which a shard, or another file of the campaign's folder, is written until it is whole:
+// `.NAME.HOST.PID.tmp`.
+struct TemporaryFile {
+  std::string name, host;
+  pid_t process = 0;
+
+  // A file of this process.
+  explicit TemporaryFile(std::string name);
+  // Returns the parts of a file's name; nullopt if it is the name of no temporary file.
+  static std::optional<TemporaryFile> parse(std::string_view file_name);
+  std::string file_name() const;
+  // Returns true if its process ran on this host and has ended. A process of another host may run.
+  bool is_left_behind() const;
+
+ private:
+  TemporaryFile() = default;
+};
+
+// Writes a shard into a temporary file, which the destructor removes if the shard is not whole. All functions throw
+// std::runtime_error, which names the file and the cause, such as a full disk.
+class ShardWriter {
+ public:
+  ShardWriter(std::filesystem::path folder, const ShardHead& head);
+  ShardWriter(const ShardWriter&) = delete;
+  ShardWriter& operator=(const ShardWriter&) = delete;
+  ~ShardWriter();
+
+  // Adds the row of the next case.
+  void add(std::string_view row);
+  // Writes the footer, waits until the disk has the file, and gives it its name. The rows of all cases were added.
+  void commit();
+
+ private:
+  void write(std::string_view line);
+  void flush();
+
+  const std::filesystem::path folder_;
+  const CaseRange cases_;
+  const std::filesystem::path temporary_;
+  FileDescriptor file_;
+  std::string held_;  // not written yet
+  Sha256Stream digest_;
+  std::uint64_t rows_ = 0;
+  bool is_whole_ = false;
+};
+
+// Writes a file of `text` at `path`, whole or not at all, unless there is one: then that one stays, and the function
+// returns false. Throws std::runtime_error.
+bool write_once(const std::filesystem::path& path, std::string_view text);
+
+}  // namespace imud
