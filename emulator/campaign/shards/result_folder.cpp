@@ -1,0 +1,166 @@
+#include "emulator/campaign/shards/result_folder.hpp"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <fstream>
+#include <iterator>
+#include <nlohmann/json.hpp>
+#include <stdexcept>
+#include <system_error>
+
+#include "emulator/ground/text_file.hpp"
+
+namespace imud {
+
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+std::string text_of(const CampaignDescription& campaign) {
+  return Json({{"campaign", 1},
+               {"plan", campaign.plan},
+               {"plan_sha256", campaign.plan_sha256},
+               {"cases", campaign.cases},
+               {"batch", campaign.batch},
+               {"version", campaign.version}})
+             .dump(1) +
+         "\n";
+}
+
+std::string content_of(const std::filesystem::path& path) {
+  std::ifstream file(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(file), {}};
+}
+
+// Returns the first line in which two texts differ: "line 3 is X there and Y here".
+std::string first_difference(const std::string& there, const std::string& here) {
+  const auto next = [](const std::string& text, std::size_t& at) {
+    const std::size_t begin = std::min(at, text.size()), end = std::min(text.find('\n', begin), text.size());
+    at = end + 1;
+    return text.substr(begin, end - begin);
+  };
+  std::size_t a = 0, b = 0;
+  for (std::size_t line = 1; a < there.size() || b < here.size(); ++line) {
+    const std::string old = next(there, a), now = next(here, b);
+    if (old != now) return fmt::format("line {} of the plan is `{}` there and `{}` here", line, old, now);
+  }
+  return "the plans have the same lines";
+}
+
+}  // namespace
+
+CaseRange CampaignDescription::shard_of(std::uint64_t index) const noexcept {
+  const std::uint64_t first = index / batch * batch;
+  return {first, std::min(first + batch, cases) - 1};
+}
+
+ResultFolder::ResultFolder(const std::filesystem::path& path) : path_(path) { read_description(); }
+
+bool ResultFolder::is_at(const std::filesystem::path& path) {
+  return ::access((path / "campaign.json").c_str(), F_OK) == 0;
+}
+
+ResultFolder::ResultFolder(const std::filesystem::path& path, const CampaignDescription& campaign,
+                           std::string_view plan_text)
+    : path_(path) {
+  try {
+    std::filesystem::create_directories(shards_path());
+    check_writable();
+    write_once(path_ / "campaign.json", text_of(campaign));
+    read_description();
+    require_same(campaign, plan_text);
+    write_once(path_ / "plan.toml", plan_text);
+  } catch (const std::filesystem::filesystem_error& error) {
+    throw OpenError(fmt::format("{}: {}", shards_path().string(), error.code().message()));
+  } catch (const OpenError&) {
+    throw;
+  } catch (const std::runtime_error& error) {
+    throw OpenError(error.what());
+  }
+}
+
+void ResultFolder::require_same(const CampaignDescription& campaign, std::string_view plan_text) const {
+  std::vector<std::string> differences;
+  if (campaign_.plan_sha256 != campaign.plan_sha256)
+    differences.push_back(first_difference(content_of(path_ / "plan.toml"), std::string(plan_text)));
+  if (campaign_.version != campaign.version)
+    differences.push_back(fmt::format("imud is {} there and {} here", campaign_.version, campaign.version));
+  if (campaign_.plan_sha256 == campaign.plan_sha256 && campaign_.cases != campaign.cases)
+    differences.push_back(fmt::format("there are {} cases there and {} here", campaign_.cases, campaign.cases));
+  if (!differences.empty())
+    throw OpenError(fmt::format("{}: has the results of another campaign: {}; give another folder", path_.string(),
+                                fmt::join(differences, "; ")));
+}
+
+void ResultFolder::read_description() {
+  const std::filesystem::path file = path_ / "campaign.json";
+  if (::access(file.c_str(), R_OK) != 0)
+    throw OpenError(
+        fmt::format("{}: is no folder of a campaign: {}: {}", path_.string(), file.string(), std::strerror(errno)));
+  try {
+    const Json json = Json::parse(content_of(file));
+    if (json.at("campaign") != 1) throw OpenError(fmt::format("{}: is of another version of imud", file.string()));
+    campaign_ = {json.at("plan"), json.at("plan_sha256"), json.at("cases"), json.at("batch"), json.at("version")};
+  } catch (const nlohmann::json::exception&) {
+    throw OpenError(fmt::format("{}: is damaged; give another folder", file.string()));
+  }
+  if (campaign_.cases == 0 || campaign_.batch == 0)
+    throw OpenError(fmt::format("{}: is damaged; give another folder", file.string()));
+}
+
+void ResultFolder::check_writable() const {
+  const std::filesystem::path probe = shards_path() / TemporaryFile("probe").file_name();
+  const FileDescriptor file(::open(probe.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0666));
+  if (!file) throw OpenError(fmt::format("{}: cannot be written: {}", shards_path().string(), std::strerror(errno)));
+  ::unlink(probe.c_str());
+}
+
+ResultFolder::Listing ResultFolder::list() const {
+  Listing listing;
+  std::error_code error;
+  for (const auto& entry : std::filesystem::directory_iterator(shards_path(), error)) {
+    const std::string name = entry.path().filename().string();
+    if (const auto cases = cases_of_shard(name); cases && *cases == campaign_.shard_of(cases->first)) {
+      listing.shards.push_back(*cases);
+    } else if (auto temporary = TemporaryFile::parse(name)) {
+      if (const auto of = cases_of_shard(temporary->name + ".jsonl"))
+        listing.temporaries.emplace_back(std::move(*temporary), *of);
+    } else {
+      listing.others.push_back(name);
+    }
+  }
+  std::ranges::sort(listing.shards, {}, &CaseRange::first);
+  return listing;
+}
+
+bool ResultFolder::has(const CaseRange& shard) const {
+  return ::access((shards_path() / shard_name(shard)).c_str(), F_OK) == 0;
+}
+
+std::optional<Shard> ResultFolder::read(const CaseRange& shard, std::string& fault) const {
+  std::optional<Shard> read = read_shard(shards_path() / shard_name(shard), fault);
+  if (read && read->head != campaign_.head(shard)) {
+    fault = "is of another plan or another version of imud";
+    return std::nullopt;
+  }
+  return read;
+}
+
+std::size_t ResultFolder::remove_left_behind() const {
+  std::size_t removed = 0;
+  std::error_code error;
+  for (const std::filesystem::path& folder : {path_, shards_path()})
+    for (const auto& entry : std::filesystem::directory_iterator(folder, error)) {
+      const auto temporary = TemporaryFile::parse(entry.path().filename().string());
+      if (temporary && temporary->is_left_behind() && std::filesystem::remove(entry.path(), error)) ++removed;
+    }
+  return removed;
+}
+
+}  // namespace imud

@@ -1,0 +1,72 @@
+// ResultFolder: the folder with the results of a campaign, which is all of its state.
+//
+// `campaign.json` has the plan and the division into shards, `plan.toml` is a copy of the plan, and `shards` has the
+// shards that are whole, and temporary files of those at work.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "emulator/campaign/shards/shard.hpp"
+
+namespace imud {
+
+// The content of campaign.json.
+struct CampaignDescription {
+  std::string plan;         // absolute path
+  std::string plan_sha256;  // of its text
+  std::uint64_t cases = 0;
+  std::uint64_t batch = 1;  // cases of a shard; the last shard may have fewer
+  std::string version;      // of imud
+
+  // Returns the shard that has a case.
+  CaseRange shard_of(std::uint64_t index) const noexcept;
+  std::uint64_t shards() const noexcept { return (cases + batch - 1) / batch; }
+  // Returns the cases of the shard of that number.
+  CaseRange shard(std::uint64_t number) const noexcept { return shard_of(number * batch); }
+  ShardHead head(const CaseRange& shard) const { return {plan_sha256, version, shard}; }
+};
+
+class ResultFolder {
+ public:
+  // Returns true if there is a folder with a campaign.
+  static bool is_at(const std::filesystem::path& path);
+  // Opens a folder that has a campaign. Throws OpenError.
+  explicit ResultFolder(const std::filesystem::path& path);
+  // Makes the folder of a campaign, or opens it if it has the same one. Throws OpenError, with what differs, if it
+  // has another, or if the folder cannot be written.
+  ResultFolder(const std::filesystem::path& path, const CampaignDescription& campaign, std::string_view plan_text);
+
+  const std::filesystem::path& path() const noexcept { return path_; }
+  const CampaignDescription& campaign() const noexcept { return campaign_; }
+  std::filesystem::path shards_path() const { return path_ / "shards"; }
+  // Throws OpenError, with what differs, if the folder has another campaign.
+  void require_same(const CampaignDescription& campaign, std::string_view plan_text) const;
+  // Throws OpenError if no file can be created in the folder of the shards.
+  void check_writable() const;
+
+  // The shards and temporary files that are there.
+  struct Listing {
+    std::vector<CaseRange> shards;                                 // ascending; whole by their name alone
+    std::vector<std::pair<TemporaryFile, CaseRange>> temporaries;  // of shards
+    std::vector<std::string> others;                               // names that belong to no campaign
+  };
+  Listing list() const;
+  bool has(const CaseRange& shard) const;
+  // Reads a shard of this campaign; nullopt with the reason in `fault` if it is not whole, or of another campaign.
+  std::optional<Shard> read(const CaseRange& shard, std::string& fault) const;
+  // Removes the temporary files that processes of this host have left behind. Returns how many.
+  std::size_t remove_left_behind() const;
+
+ private:
+  void read_description();
+
+  std::filesystem::path path_;
+  CampaignDescription campaign_;
+};
+
+}  // namespace imud
