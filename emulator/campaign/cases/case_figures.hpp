@@ -1,0 +1,15 @@
+// The figures of a case: the numbers of its summary that depend on the case alone.
+#pragma once
+
+#include <nlohmann/json.hpp>
+
+#include "emulator/report/summary.hpp"
+
+namespace imud {
+
+// Returns the counts by the names that `--require` has, "imu1.samples" and "truth.received"; `simulated_s`; and what
+// was drawn for each imu, "imu1.gyro.unit.bias_x", SI. A count of 0 is left out, unless every summary has it. Without
+// durations, lateness, and anything else of the host.
+nlohmann::ordered_json case_figures(const Summary& summary);
+
+}  // namespace imud

@@ -1,0 +1,34 @@
+// CasePort: stands for the port of an imu in a case of a campaign, and makes the digest of its bytes.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "emulator/campaign/shards/sha256_stream.hpp"
+#include "emulator/imu/ports.hpp"
+#include "emulator/plan/config.hpp"
+#include "protocols/protocol.hpp"
+
+namespace imud {
+
+// The bytes are the content of the file that the transport `file` would write or, of a CAN bus, `canfile`. At
+// commit() `end` receives their SHA-256. Opens nothing.
+class CasePort final : public NoPort {
+ public:
+  // `receive`: gets the measurements as a decoding_port() does; nullptr: nobody wants them.
+  CasePort(const ImuConfig& imu, std::function<void(std::string sha256)> end,
+           const std::function<void(const Measurement&)>& receive);
+
+  void send(std::span<const Frame> frames) noexcept override;
+  void commit() override;
+
+ private:
+  const bool is_can_;
+  Sha256Stream digest_;
+  const std::function<void(std::string sha256)> end_;
+  const std::unique_ptr<Port> decoder_;  // nullptr: nobody wants the measurements
+};
+
+}  // namespace imud
