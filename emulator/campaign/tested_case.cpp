@@ -1,0 +1,90 @@
+#include "emulator/campaign/tested_case.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <chrono>
+#include <cstdlib>
+#include <cstring>
+#include <fstream>
+#include <system_error>
+#include <thread>
+
+#include "transports/port.hpp"
+
+namespace imud {
+
+namespace {
+
+// Returns the transport that makes a pseudo-terminal at a path.
+const Transport& terminal() {
+  for (const Transport* transport : transports())
+    if (transport->makes_link) return *transport;
+  throw PortError("no transport makes a pseudo-terminal");
+}
+
+std::filesystem::path make_folder() {
+  std::string name = (std::filesystem::temp_directory_path() / "imud_case_XXXXXX").string();
+  if (::mkdtemp(name.data()) == nullptr) throw PortError(fmt::format("{}: {}", name, std::strerror(errno)));
+  return name;
+}
+
+}  // namespace
+
+TestedCase::TestedCase(const Campaign& campaign, const CampaignCase& one, Config& config, bool is_shown)
+    : limit_s_(campaign.test->time_limit_s) {
+  const auto imu =
+      std::ranges::find_if(config.imus, [](const ImuConfig& any) { return any.protocol->link == Link::bytes; });
+  if (imu == config.imus.end())
+    throw PortError("[test]: no imu has a serial line for the command; give one another protocol");
+  imu_ = static_cast<std::size_t>(imu - config.imus.begin());
+  folder_ = make_folder();
+  const std::string port = folder_ / "port";
+  imu->port = fmt::format("{}:{}", terminal().name, port);
+  imu->also = {imu->port};
+  imu->also_settings = {imu->port_settings};
+  start_ = {.command = with_values(campaign.test->command, {{"port", port},
+                                                            {"case", fmt::to_string(one.index)},
+                                                            {"seed", fmt::to_string(one.seed)},
+                                                            {"metrics", folder_ / "metrics.json"}}),
+            .folder = std::filesystem::path(campaign.file).parent_path(),
+            .limit_s = limit_s_,
+            .is_shown = is_shown};
+}
+
+TestedCase::~TestedCase() {
+  command_.reset();
+  std::error_code error;
+  std::filesystem::remove_all(folder_, error);
+}
+
+void TestedCase::begin(Engine& engine, const std::atomic<bool>& stop) {
+  command_.emplace(start_);
+  Port& port = *engine.channels()[imu_]->lines.all().front().port;
+  while (!stop && !command_->has_ended()) {  // it is killed at its time limit
+    port.flush();
+    if (port.state() != PortState::no_reader) return;
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }
+}
+
+nlohmann::ordered_json TestedCase::end(const std::atomic<bool>& stop, std::vector<std::string>& shortfalls) {
+  const TestCommand::End end = command_->wait(stop);
+  if (end.is_timed_out)
+    shortfalls.push_back(fmt::format("the test was killed after {:g} s", limit_s_));
+  else if (end.exit_code != 0)
+    shortfalls.push_back(fmt::format("the test has ended with {}", end.exit_code));
+  nlohmann::ordered_json test = {
+      {"exit_code", end.exit_code}, {"timed_out", end.is_timed_out}, {"metrics", nlohmann::ordered_json::object()}};
+  if (std::ifstream file(folder_ / "metrics.json"); file) {
+    nlohmann::ordered_json metrics = nlohmann::ordered_json::parse(file, nullptr, false);
+    if (metrics.is_object())
+      test["metrics"] = std::move(metrics);
+    else
+      shortfalls.emplace_back("the metrics of the test are no JSON object");
+  }
+  return test;
+}
+
+}  // namespace imud

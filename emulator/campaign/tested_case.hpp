@@ -1,0 +1,47 @@
+// TestedCase: a case with the system under test at the port of an imu.
+#pragma once
+
+#include <atomic>
+#include <cstddef>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "emulator/campaign/campaign.hpp"
+#include "emulator/campaign/cases/test_command.hpp"
+#include "emulator/engine/engine.hpp"
+#include "emulator/plan/config.hpp"
+
+namespace imud {
+
+// The command of [test] is started when the port is open, and has it open before the first sample leaves. It sees the
+// end of the port when the case has ended, and may then write its metrics. One thread.
+class TestedCase {
+ public:
+  // Gives the first imu of `config` with a serial line a pseudo-terminal in a folder of its own, and a copy of its
+  // bytes. `is_shown`: the output of the command goes to standard error. Throws PortError if no imu has such a line.
+  TestedCase(const Campaign& campaign, const CampaignCase& one, Config& config, bool is_shown);
+  ~TestedCase();
+  TestedCase(const TestedCase&) = delete;
+  TestedCase& operator=(const TestedCase&) = delete;
+
+  // The number of the imu, whose line is opened, and whose first copy has its bytes.
+  std::size_t imu() const noexcept { return imu_; }
+  // Starts the command. Returns when it has opened the port or has ended, after its time limit, or when `stop` is
+  // set.
+  void begin(Engine& engine, const std::atomic<bool>& stop);
+  // Waits until the command ends; if a signal sets `stop`, it is killed. Adds what is wrong with it to `shortfalls`.
+  // Returns the `test` of the row.
+  nlohmann::ordered_json end(const std::atomic<bool>& stop, std::vector<std::string>& shortfalls);
+
+ private:
+  const double limit_s_;
+  std::filesystem::path folder_;
+  TestCommand::Start start_;
+  std::size_t imu_ = 0;
+  std::optional<TestCommand> command_;
+};
+
+}  // namespace imud
