@@ -50,7 +50,8 @@ struct Campaign {
   std::vector<CampaignAxis> axes;      // the slowest first; then come the draws, then the seeds
   std::optional<CampaignDraws> draws;
   SeedRange seeds;
-  std::uint64_t batch = 0;  // cases of a shard; 0: `campaign run` chooses
+  std::uint64_t batch = 0;         // cases of a shard; 0: `campaign run` chooses
+  bool integrated_errors = false;  // rows have the errors of each imu, integrated over the run
   std::optional<CampaignTest> test;
   CampaignSlurm slurm;
   std::string sha256;  // of the plan's text, in hexadecimal
@@ -92,5 +93,8 @@ Config load_case(const Campaign& campaign, const CampaignCase& c);
 // file's size and time of change stay. Throws OpenError if a file cannot be read. Any thread may call it.
 std::string identity_of(const Campaign& campaign, const Config& config);
 std::string identity_of(const Campaign& campaign, const CampaignCase& c);
+// Returns what the identities of cases that differ in the seed alone have in common; and the identity of one of them.
+std::string identity_without_seed(const Campaign& campaign, const Config& config);
+std::string identity_with_seed(const std::string& without_seed, std::uint64_t seed);
 
 }  // namespace imud

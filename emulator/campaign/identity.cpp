@@ -84,15 +84,24 @@ void replace_paths(toml::node& node, std::string_view key, bool is_truth, FileDi
 
 }  // namespace
 
-std::string identity_of(const Campaign& campaign, const Config& config) {
+std::string identity_without_seed(const Campaign& campaign, const Config& config) {
   static FileDigests digests;
   toml::table all = toml::parse(config.resolved());
   all.erase("control");
   all.erase("web");
+  all.erase("seed");
   replace_paths(all, "", false, digests);
   std::string text = fmt::format("imud {}\n{}", IMUD_VERSION, toml_text(std::move(all)));
   if (campaign.test) text += fmt::format("test {}\n{}\n", campaign.test->time_limit_s, campaign.test->command);
   return sha256(text);
+}
+
+std::string identity_with_seed(const std::string& without_seed, std::uint64_t seed) {
+  return sha256(fmt::format("{} seed {}", without_seed, seed));
+}
+
+std::string identity_of(const Campaign& campaign, const Config& config) {
+  return identity_with_seed(identity_without_seed(campaign, config), config.seed);
 }
 
 std::string identity_of(const Campaign& campaign, const CampaignCase& c) {

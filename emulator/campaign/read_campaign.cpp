@@ -168,6 +168,7 @@ Campaign read_campaign(const std::string& path) {
   campaign.overrides = texts_in(plan, "set");
   campaign.seeds = read_seeds(plan);
   campaign.batch = plan.unsigned_integer("batch", 0, Campaign::most_cases);
+  campaign.integrated_errors = plan.flag("integrated_errors", campaign.integrated_errors);
   campaign.axes = read_axes(plan.node("axes"), folder, faults);
   campaign.draws = read_draws(plan.child("draws"), text.root.get("draws"), faults);
   if (plan.has("test")) campaign.test = read_test(plan.child("test"));

@@ -1,0 +1,61 @@
+// CaseRunner: runs cases of a campaign in this process, one after another.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "emulator/campaign/campaign.hpp"
+#include "emulator/campaign/cases/integrated_errors.hpp"
+#include "emulator/plan/config.hpp"
+#include "emulator/seeds/seed_run.hpp"
+
+namespace imud {
+
+// Keeps the configuration of the last case and its decoded capture: cases that
+// differ in the seed alone read neither again. One thread.
+class CaseRunner {
+ public:
+  // `campaign` must outlive this.
+  explicit CaseRunner(const Campaign& campaign) : campaign_(campaign) {}
+
+  // Reads the configuration and the capture of a case. Returns its
+  // configuration, valid until the next call. Throws ConfigError or PortError.
+  const Config& prepare(const CampaignCase& one);
+
+  struct Result {
+    std::string row;  // JSON in one line (shards/shard.hpp)
+    int exit_code = 0;
+  };
+  struct Shown {
+    std::string record = {};  // a file that gets the record of the case; empty: none
+    bool of_test = false;     // the output of [test] goes to standard error
+  };
+  // Runs a case. Opens no port but the port of [test]. A case that cannot be run
+  // has a row with `error`. Returns nullopt if `stop` has ended it.
+  std::optional<Result> run(std::uint64_t index, const std::atomic<bool>& stop, const Shown& shown);
+  // Returns the row of a case that could not be run.
+  std::string row_of_failure(std::uint64_t index, const std::string& error) const;
+
+ private:
+  struct Prepared {
+    std::vector<std::size_t> at;        // the value of each axis
+    std::optional<std::uint64_t> draw;  // its number
+    Config config;
+    std::string identity;                        // identity_without_seed()
+    std::shared_ptr<const StoredTruths> truths;  // nullptr: each run reads the capture
+    TruthConfig truth;                           // by which the capture was read
+    bool repeats = false;                        // the capture is a record, whose run is repeated
+    std::vector<double> line_loads;
+    std::vector<TrueSums> sums;  // of each imu; empty: to be computed
+  };
+  void compute_true_sums();
+
+  const Campaign& campaign_;
+  std::optional<Prepared> prepared_;
+};
+
+}  // namespace imud
