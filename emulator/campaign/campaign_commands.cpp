@@ -3,6 +3,8 @@
 #include <CLI/CLI.hpp>
 
 #include "emulator/campaign/campaign_check.hpp"
+#include "emulator/campaign/campaign_repeat.hpp"
+#include "emulator/campaign/campaign_status.hpp"
 
 namespace imud {
 
@@ -15,10 +17,54 @@ CampaignCommands::CampaignCommands(CLI::App& app) {
       "check", "List every fault of a plan, or show how many cases it has, how long they take and what they write");
   check->add_option("PLAN", plan_, "Plan of the campaign, TOML")->required();
   check_ = check;
+  add_run(*campaign);
+}
+
+void CampaignCommands::add_run(CLI::App& campaign) {
+  const auto with_run = [this](CLI::App* command) {
+    command->add_option("--jobs", run_options_.jobs, "Processes (the processors)")
+        ->type_name("N")
+        ->check(CLI::Range(1, 1024));
+    command->add_flag("-q,--quiet", run_options_.quiet, "Show no progress");
+  };
+  CLI::App* run = campaign.add_subcommand("run", "Run the cases of a plan on this machine, into a folder");
+  run->add_option("PLAN", plan_, "Plan of the campaign, TOML")->required();
+  run->add_option("--into", folder_, "Folder of the results; with results of the same plan the others are added")
+      ->type_name("DIR")
+      ->required();
+  run->add_option_function<std::string>(
+         "--case", [this](const std::string& text) { run_options_.cases = CaseRange::parse(text); },
+         "Run these cases alone: whole shards, of `batch` cases each")
+      ->type_name("K..L")
+      ->check([](const std::string& text) {
+        return CaseRange::parse(text) ? std::string() : "give the number of a case, or a range such as 0..99";
+      });
+  with_run(run);
+  run_ = run;
+  CLI::App* resume = campaign.add_subcommand(
+      "resume", "Run the cases that are missing in a folder, are in a damaged shard, or could not be run before");
+  resume->add_option("DIR", folder_, "Folder of the results")->required();
+  with_run(resume);
+  resume_ = resume;
+  CLI::App* status = campaign.add_subcommand("status", "Show how far a campaign has come");
+  status->add_option("DIR", folder_, "Folder of the results")->required();
+  status->add_flag("--json", json_, "As JSON");
+  status_ = status;
+  CLI::App* repeat =
+      campaign.add_subcommand("repeat", "Run one case alone, print its row, and compare it with the stored one");
+  repeat->add_option("PLAN", plan_, "Folder of the results, or plan of the campaign")->required();
+  repeat->add_option("CASE", case_, "Number of the case")->required();
+  repeat->add_option("--record", record_, "Also record the run as pcapng, which Wireshark opens and replay repeats")
+      ->type_name("FILE");
+  repeat_ = repeat;
 }
 
 std::optional<int> CampaignCommands::execute() const {
   if (check_->parsed()) return campaign_check(plan_);
+  if (run_->parsed()) return run_campaign(plan_, folder_, run_options_);
+  if (resume_->parsed()) return resume_campaign(folder_, run_options_);
+  if (status_->parsed()) return campaign_status(folder_, json_);
+  if (repeat_->parsed()) return repeat_case(plan_, case_, record_);
   return std::nullopt;
 }
 

@@ -1,8 +1,11 @@
 // CampaignCommands: the commands `imud campaign ...`.
 #pragma once
 
+#include <cstdint>
 #include <optional>
 #include <string>
+
+#include "emulator/campaign/campaign_run.hpp"
 
 namespace CLI {
 class App;
@@ -19,8 +22,13 @@ class CampaignCommands {
   std::optional<int> execute() const;
 
  private:
-  std::string plan_;
-  const CLI::App* check_;
+  void add_run(CLI::App& campaign);
+
+  std::string plan_, folder_, record_;
+  std::uint64_t case_ = 0;
+  bool json_ = false;
+  CampaignRunOptions run_options_;
+  const CLI::App *check_ = nullptr, *run_ = nullptr, *resume_ = nullptr, *status_ = nullptr, *repeat_ = nullptr;
 };
 
 }  // namespace imud

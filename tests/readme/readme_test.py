@@ -119,15 +119,20 @@ class ReadmeTest(unittest.TestCase):
         found, faults, known = 0, [], {}
         for name in ONLY or readmes():
             text = re.sub(r"^(```.*?^```|    .*?)$", "", (SOURCE / name).read_text(), flags=re.MULTILINE | re.DOTALL)
-            for span in re.findall(r"`((?:imud|imu-(?:allan|decode|plot|truth))(?: [^`]+))`", text):
+            for span in re.findall(r"`((?:imud|imu-(?:allan|campaign|decode|plot|truth))(?: [^`]+))`", text):
                 words = re.split(r"\s+", span)
                 program = words[:2] if words[0] == "imud" and not words[1].startswith("-") else words[:1]
                 if span == "imud config":  # an interface of a record
                     continue
                 found += 1
-                if tuple(program) not in known:
-                    known[tuple(program)] = help_of(*program)
-                text_of_help = known[tuple(program)]
+                while True:
+                    if tuple(program) not in known:
+                        known[tuple(program)] = help_of(*program)
+                    text_of_help = known[tuple(program)]
+                    after = words[len(program):len(program) + 1]  # which may be a command below this one
+                    if not after or not re.search(rf"^Subcommands:\n(  .*\n)*?  {re.escape(after[0])} ", text_of_help, re.MULTILINE):
+                        break
+                    program = [*program, *after]
                 lacking = [word for word in words if re.fullmatch(r"--[a-z][a-z0-9-]*", word) and word not in text_of_help]
                 if not text_of_help or lacking:
                     faults.append(f"{name}: `{span}`: {lacking or program} does not exist")

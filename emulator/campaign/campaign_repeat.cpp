@@ -1,0 +1,61 @@
+#include "emulator/campaign/campaign_repeat.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <atomic>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <vector>
+
+#include "emulator/campaign/campaign_run.hpp"
+#include "emulator/campaign/case_runner.hpp"
+#include "emulator/ground/text_file.hpp"
+
+namespace imud {
+
+namespace {
+
+// Returns the row of a case in a folder; empty if it is not there.
+std::string stored_row(const ResultFolder& folder, std::uint64_t index) {
+  const CaseRange cases = folder.campaign().shard_of(index);
+  std::string fault;
+  const std::optional<Shard> shard = folder.has(cases) ? folder.read(cases, fault) : std::nullopt;
+  return shard ? shard->rows[index - cases.first] : std::string();
+}
+
+// Names the members in which two rows differ, with their values.
+std::vector<std::string> differences(const std::string& there, const std::string& here) {
+  using Json = nlohmann::ordered_json;
+  const Json a = Json::parse(there), b = Json::parse(here);
+  std::vector<std::string> all;
+  for (const Json& change : Json::diff(a, b)) {
+    const Json::json_pointer path(change.at("path").get<std::string>());
+    const auto value = [&](const Json& row) { return row.contains(path) ? row.at(path).dump() : "absent"; };
+    all.push_back(fmt::format("{} is {} there and {} here", path.to_string(), value(a), value(b)));
+  }
+  return all;
+}
+
+}  // namespace
+
+int repeat_case(const std::string& plan_or_folder, std::uint64_t index, const std::string& record) {
+  std::optional<ResultFolder> folder;
+  if (ResultFolder::is_at(plan_or_folder)) folder.emplace(plan_or_folder);
+  const Campaign campaign = folder ? campaign_of(*folder) : read_campaign(plan_or_folder);
+  if (index >= campaign.cases())
+    throw OpenError(
+        fmt::format("{}: there is no case {}: they are 0 to {}", plan_or_folder, index, campaign.cases() - 1));
+  const std::string there = folder ? stored_row(*folder, index) : std::string();
+  CaseRunner runner(campaign);
+  const std::atomic<bool> no_stop = false;
+  const std::optional<CaseRunner::Result> here = runner.run(index, no_stop, {.record = record, .of_test = true});
+  TextFile("-").write(here->row + "\n");
+  if (folder && there.empty()) fmt::print(stderr, "case {} has no row in {} yet\n", index, plan_or_folder);
+  if (there.empty() || there == here->row) return here->exit_code;
+  fmt::print(stderr, "case {} differs from its row in {}: {}\n", index, plan_or_folder,
+             fmt::join(differences(there, here->row), "; "));
+  return 1;
+}
+
+}  // namespace imud

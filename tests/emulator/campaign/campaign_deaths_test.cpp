@@ -1,0 +1,148 @@
+// Campaigns whose processes are killed, and a campaign whose answer is known.
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <cmath>
+#include <csignal>
+#include <cstdlib>
+#include <fstream>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <numbers>
+#include <random>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "emulator/campaign/shards/result_folder.hpp"
+#include "tests/emulator/campaign/campaign_test.hpp"
+#include "tests/support/text.hpp"
+
+namespace imud {
+namespace {
+
+class CampaignDeaths : public CampaignFolder {
+ protected:
+  CampaignDeaths() { write("imu.toml", base + "gyro.angle_random_walk_deg_per_rt_hr = 0.6\n"); }
+
+  std::map<std::string, std::string> shards(const std::string& folder) const {
+    std::map<std::string, std::string> all;
+    for (const auto& entry : std::filesystem::directory_iterator(path(folder) + "/shards"))
+      all[entry.path().filename().string()] = read_file(entry.path().string());
+    return all;
+  }
+  std::vector<std::string> rows(const std::string& folder) const {
+    std::vector<std::string> all;
+    for (const auto& [name, text] : shards(folder)) {
+      const std::vector<std::string> lines = lines_of(text);
+      all.insert(all.end(), lines.begin() + 1, lines.end() - 1);
+    }
+    return all;
+  }
+  // Returns the number of kills: IMUD_CAMPAIGN_KILLS, or 20.
+  static int kills() {
+    const char* const given = std::getenv("IMUD_CAMPAIGN_KILLS");
+    return given != nullptr ? std::atoi(given) : 20;
+  }
+};
+
+std::vector<pid_t> children_of(pid_t process) {
+  std::ifstream file(fmt::format("/proc/{0}/task/{0}/children", process));
+  std::vector<pid_t> all;
+  for (pid_t child = 0; file >> child;) all.push_back(child);
+  return all;
+}
+
+// Each process is killed after a time that may be anywhere in its life. A case at which two workers were killed has a
+// row with an error, which the next call does again.
+TEST_F(CampaignDeaths, KillsAtRandomLoseNothing) {
+  write("plan.toml", head + "seeds = \"1..400\"\nbatch = 20\n[axes]\n\"imu.imu1.rate_hz\" = [100, 200]\n");
+  const std::vector<std::string> whole = {"campaign", "run", path("plan.toml"), "--into", path("whole"), "--quiet"};
+  const auto begin = std::chrono::steady_clock::now();
+  ASSERT_EQ(run_program("imud", whole).exit_code, 0);
+  const auto takes = std::chrono::steady_clock::now() - begin;
+  std::mt19937 random(7);
+  std::filesystem::create_directories(path("killed"));
+  int parents = 0, workers = 0;
+  bool is_new = true;
+  for (int i = 0; i < kills(); ++i) {
+    if (is_new) std::filesystem::remove_all(path("killed"));
+    is_new = !std::filesystem::exists(path("killed/campaign.json"));
+    Program program("imud");
+    program.start(is_new ? std::vector<std::string>{"campaign", "run", path("plan.toml"), "--into", path("killed"),
+                                                    "--jobs", "3", "--quiet"}
+                         : std::vector<std::string>{"campaign", "resume", path("killed"), "--jobs", "3", "--quiet"});
+    is_new = false;
+    std::this_thread::sleep_for(takes * (random() % 100) / 200);
+    const std::vector<pid_t> children = children_of(program.pid());
+    if (random() % 2 == 0 || children.empty()) {
+      program.kill(SIGKILL);
+      if (program.wait() == 128 + SIGKILL) ++parents;
+      continue;
+    }
+    if (::kill(children[random() % children.size()], SIGKILL) == 0) ++workers;
+    const int exit_code = program.wait();
+    EXPECT_TRUE(exit_code == 0 || exit_code == 1) << exit_code << program.errors();
+    if (exit_code != 0) continue;
+    EXPECT_EQ(shards("killed"), shards("whole"));
+    is_new = true;
+  }
+  EXPECT_GT(parents, 0);
+  EXPECT_GT(workers, 0);
+  RecordProperty("parents", parents);
+  RecordProperty("workers", workers);
+  if (!std::filesystem::exists(path("killed/campaign.json"))) {
+    ASSERT_EQ(run_program("imud", {"campaign", "run", path("plan.toml"), "--into", path("killed")}).exit_code, 0);
+  }
+  const ProgramResult last = run_program("imud", {"campaign", "resume", path("killed")});
+  EXPECT_EQ(last.exit_code, 0) << last.errors;
+  EXPECT_EQ(shards("killed"), shards("whole"));
+}
+
+// The sum of delta-angles about an axis of a gyro whose only error is an angular random walk N is normal, with the
+// standard deviation N sqrt(t) (IEEE Std 952). Of n seeds, (n - 1) s^2 / sigma^2 has the distribution chi^2 of n - 1
+// degrees of freedom: the bound of 5 standard errors, sqrt(1 / (2 n)) each, has a false-alarm probability of 6e-7 for
+// each of three axes; so has the bound of the mean.
+TEST_F(CampaignDeaths, TheIntegratedHeadingOfARandomWalkIsKnown) {
+  write("plan.toml", head + "seeds = \"1..10000\"\nintegrated_errors = true\n");
+  const ProgramResult done = run_program("imud", {"campaign", "run", path("plan.toml"), "--into", path("runs")});
+  ASSERT_EQ(done.exit_code, 0) << done.errors;
+  const double n = 10'000, t_s = 0.2, sigma = 0.6 * std::numbers::pi / 180 / 60 * std::sqrt(t_s);
+  const std::vector<std::string> all = rows("runs");
+  ASSERT_EQ(all.size(), 10'000U);
+  for (const char* axis : {"x", "y", "z"}) {
+    double sum = 0, squares = 0;
+    for (const std::string& row : all) {
+      const double error =
+          nlohmann::json::parse(row)["figures"][fmt::format("imu1.angle_error_{}_rad", axis)].get<double>();
+      sum += error;
+      squares += error * error;
+    }
+    const double mean = sum / n, deviation = std::sqrt((squares - sum * mean) / (n - 1));
+    EXPECT_NEAR(deviation / sigma, 1, 5 * std::sqrt(1 / (2 * n))) << axis;
+    EXPECT_NEAR(mean / sigma, 0, 5 / std::sqrt(n)) << axis;
+  }
+  const nlohmann::json first = nlohmann::json::parse(all[0]);
+  EXPECT_NEAR(first["figures"]["imu1.velocity_error_x_m_per_s"].get<double>(), 0, 1e-12);
+}
+
+// Rates alone are sent: they are summed over the interval, and a constant error of the rate is known.
+TEST_F(CampaignDeaths, TheIntegratedErrorOfABiasIsKnown) {
+  write("imu.toml", base + "gyro.bias_deg_per_s = 1\naccelerometer.bias_mg = 10\n");
+  for (const std::string protocol : {"native", "csv"}) {
+    write("plan.toml", head + fmt::format("integrated_errors = true\nset = [\"imu.imu1.protocol={}\"]\n", protocol));
+    ASSERT_EQ(run_program("imud", {"campaign", "run", path("plan.toml"), "--into", path(protocol)}).exit_code, 0);
+    const nlohmann::json figures = nlohmann::json::parse(rows(protocol).at(0))["figures"];
+    for (const char* axis : {"x", "y", "z"}) {
+      EXPECT_NEAR(figures[fmt::format("imu1.angle_error_{}_rad", axis)].get<double>(), std::numbers::pi / 180 * 0.2,
+                  1e-9)
+          << figures;
+      EXPECT_NEAR(figures[fmt::format("imu1.velocity_error_{}_m_per_s", axis)].get<double>(), 0.0980665 * 0.2, 1e-9)
+          << figures;
+    }
+  }
+}
+
+}  // namespace
+}  // namespace imud

@@ -1,0 +1,98 @@
+// The system under test beside the cases of a campaign: what it reads, what joins the row, and its end.
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <csignal>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "emulator/campaign/shards/result_folder.hpp"
+#include "tests/emulator/campaign/campaign_test.hpp"
+#include "tests/support/text.hpp"
+
+namespace imud {
+namespace {
+
+using Json = nlohmann::json;
+
+class TestedCases : public CampaignFolder {
+ protected:
+  TestedCases() { write("imu.toml", base + "gyro.angle_random_walk_deg_per_rt_hr = 0.6\n"); }
+  // Runs four seeds, with the command if there is one.
+  ProgramResult run(const std::string& folder, const std::string& command, const std::string& limit_s = "60") const {
+    std::string text = head + "seeds = \"1..4\"\nbatch = 4\n";
+    if (!command.empty()) text += fmt::format("[test]\ntime_limit_s = {}\ncommand = '''{}'''\n", limit_s, command);
+    return run_program("imud", {"campaign", "run", write("plan.toml", text), "--into", path(folder), "--jobs", "2"});
+  }
+  std::vector<Json> rows(const std::string& folder) const {
+    std::string fault;
+    const std::optional<Shard> shard = ResultFolder(path(folder)).read({0, 3}, fault);
+    std::vector<Json> all;
+    if (!shard) ADD_FAILURE() << fault;
+    for (std::size_t i = 0; shard && i < shard->rows.size(); ++i) all.push_back(Json::parse(shard->rows[i]));
+    return all;
+  }
+};
+
+TEST_F(TestedCases, TheCommandReadsAllBytesAndItsMetricsJoinTheRow) {
+  ASSERT_EQ(run("alone", "").exit_code, 0);
+  const ProgramResult done = run("tested", R"(cat {port} > bytes_{case}
+printf '{"size": %d, "seed": {seed}}' $(wc -c < bytes_{case}) > {metrics})");
+  EXPECT_EQ(done.exit_code, 0) << done.errors;
+  const std::vector<Json> alone = rows("alone"), tested = rows("tested");
+  ASSERT_EQ(tested.size(), 4U);
+  for (std::size_t i = 0; i < tested.size(); ++i) {
+    const std::string bytes = read_file(path(fmt::format("bytes_{}", i)));
+    Sha256Stream digest;
+    digest.add(bytes);
+    EXPECT_EQ(tested[i]["digest"]["imu1"], digest.end());
+    EXPECT_EQ(tested[i]["digest"], alone[i]["digest"]);
+    EXPECT_EQ(tested[i]["test"],
+              Json({{"exit_code", 0}, {"timed_out", false}, {"metrics", {{"size", bytes.size()}, {"seed", i + 1}}}}));
+    EXPECT_NE(tested[i]["identity"], alone[i]["identity"]);
+    EXPECT_FALSE(alone[i].contains("test"));
+  }
+}
+
+TEST_F(TestedCases, AFailureIsAShortfall) {
+  const ProgramResult done = run("runs", "cat {port} > /dev/null; echo 5 > {metrics}; test {seed} -lt 3");
+  EXPECT_EQ(done.exit_code, 3) << done.errors;
+  const std::vector<Json> all = rows("runs");
+  ASSERT_EQ(all.size(), 4U);
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    std::vector<std::string> shortfalls;
+    if (i >= 2) shortfalls.emplace_back("the test has ended with 1");
+    shortfalls.emplace_back("the metrics of the test are no JSON object");
+    EXPECT_EQ(all[i]["shortfalls"], Json(shortfalls));
+    EXPECT_EQ(all[i]["exit_code"], 3);
+    EXPECT_EQ(all[i]["test"]["exit_code"], i < 2 ? 0 : 1);
+  }
+}
+
+// The command does not end, nor does a process that it has started.
+TEST_F(TestedCases, TheGroupIsKilledAtTheTimeLimit) {
+  const ProgramResult done =
+      run("runs", "sh -c 'echo $$ > child_{case}; exec sleep 1000' & cat {port} > /dev/null; wait", "1");
+  EXPECT_EQ(done.exit_code, 3) << done.errors;
+  const std::vector<Json> all = rows("runs");
+  ASSERT_EQ(all.size(), 4U);
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    EXPECT_EQ(all[i]["shortfalls"], Json({"the test was killed after 1 s"}));
+    EXPECT_EQ(all[i]["test"]["exit_code"], 128 + SIGKILL);
+    EXPECT_EQ(all[i]["test"]["timed_out"], true);
+    const pid_t child = std::stoi(read_file(path(fmt::format("child_{}", i))));
+    // Until its new parent has waited for it, its number remains.
+    const std::string state = read_file(fmt::format("/proc/{}/stat", child));
+    EXPECT_TRUE(state.empty() || contains(state, ") Z ")) << state;
+  }
+}
+
+TEST_F(TestedCases, ACommandThatNeverReadsDoesNotHoldTheCase) {
+  const ProgramResult done = run("runs", "exit 7");
+  EXPECT_EQ(done.exit_code, 3) << done.errors;
+  for (const Json& row : rows("runs")) EXPECT_EQ(row["test"]["exit_code"], 7);
+}
+
+}  // namespace
+}  // namespace imud
