@@ -47,9 +47,9 @@ void check_room(const std::string& folder, std::uint64_t cases, std::size_t row_
   const double needed = static_cast<double>(cases) * static_cast<double>(row_size);
   if (error || needed <= static_cast<double>(space.available)) return;
   throw OpenError(
-      fmt::format("{}: {} cases write about {:.3g} GB, a row of {} bytes each, and the disk has {:.3g} GB left; "
+      fmt::format("{}: {} cases write about {:.3g} MB, a row of {} bytes each, and the disk has {:.3g} MB left; "
                   "give a folder on another disk",
-                  folder, cases, 1e-9 * needed, row_size, 1e-9 * static_cast<double>(space.available)));
+                  folder, cases, 1e-6 * needed, row_size, 1e-6 * static_cast<double>(space.available)));
 }
 
 // Returns about how many bytes a row has.
