@@ -5,6 +5,7 @@
 #include "emulator/campaign/campaign_check.hpp"
 #include "emulator/campaign/campaign_repeat.hpp"
 #include "emulator/campaign/campaign_status.hpp"
+#include "emulator/ground/text_file.hpp"
 
 namespace imud {
 
@@ -26,8 +27,20 @@ void CampaignCommands::add_run(CLI::App& campaign) {
         ->type_name("N")
         ->check(CLI::Range(1, 1024));
     command->add_flag("-q,--quiet", run_options_.quiet, "Show no progress");
+    command->add_option("--engine", engine_, "Run on this machine (local), or on a cluster as job arrays (slurm)")
+        ->type_name("ENGINE")
+        ->check(CLI::IsMember({"local", "slurm"}));
+    command
+        ->add_option("--slurm-option", slurm_options_.options,
+                     "Further option of sbatch, such as --slurm-option=--mem=2G; may be repeated")
+        ->type_name("TEXT")
+        ->allow_extra_args(false);
+    command->add_option("--slurm-task", slurm_options_.cases_per_task, "Cases of a task (as many as take minutes)")
+        ->type_name("CASES")
+        ->check(CLI::Range(1, 1'000'000'000));
   };
-  CLI::App* run = campaign.add_subcommand("run", "Run the cases of a plan on this machine, into a folder");
+  CLI::App* run =
+      campaign.add_subcommand("run", "Run the cases of a plan on this machine or on a cluster, into a folder");
   run->add_option("PLAN", plan_, "Plan of the campaign, TOML")->required();
   run->add_option("--into", folder_, "Folder of the results; with results of the same plan the others are added")
       ->type_name("DIR")
@@ -59,10 +72,25 @@ void CampaignCommands::add_run(CLI::App& campaign) {
   repeat_ = repeat;
 }
 
+bool CampaignCommands::is_for_slurm() const {
+  const bool is_slurm = engine_ == "slurm" || (engine_.empty() && resume_->parsed() && is_on_slurm(folder_));
+  if (is_slurm && (run_options_.cases || run_options_.jobs > 0))
+    throw OpenError(
+        "--case and --jobs are for --engine local; a task of Slurm has as many processes as processors "
+        "(--slurm-option=--cpus-per-task=N)");
+  if (!is_slurm && (!slurm_options_.options.empty() || slurm_options_.cases_per_task > 0))
+    throw OpenError("--slurm-option and --slurm-task are for --engine slurm");
+  return is_slurm;
+}
+
 std::optional<int> CampaignCommands::execute() const {
+  SlurmRunOptions slurm = slurm_options_;
+  slurm.quiet = run_options_.quiet;
   if (check_->parsed()) return campaign_check(plan_);
-  if (run_->parsed()) return run_campaign(plan_, folder_, run_options_);
-  if (resume_->parsed()) return resume_campaign(folder_, run_options_);
+  if (run_->parsed())
+    return is_for_slurm() ? run_on_slurm(plan_, folder_, slurm) : run_campaign(plan_, folder_, run_options_);
+  if (resume_->parsed())
+    return is_for_slurm() ? resume_on_slurm(folder_, slurm) : resume_campaign(folder_, run_options_);
   if (status_->parsed()) return campaign_status(folder_, json_);
   if (repeat_->parsed()) return repeat_case(plan_, case_, record_);
   return std::nullopt;

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "emulator/campaign/campaign_run.hpp"
+#include "emulator/campaign/slurm_run.hpp"
 
 namespace CLI {
 class App;
@@ -23,11 +24,15 @@ class CampaignCommands {
 
  private:
   void add_run(CLI::App& campaign);
+  // Returns true if the cases run on Slurm. Throws OpenError if options do not suit the engine.
+  bool is_for_slurm() const;
 
   std::string plan_, folder_, record_;
+  std::string engine_;  // "local" or "slurm"; empty: by the folder
   std::uint64_t case_ = 0;
   bool json_ = false;
   CampaignRunOptions run_options_;
+  SlurmRunOptions slurm_options_;
   const CLI::App *check_ = nullptr, *run_ = nullptr, *resume_ = nullptr, *status_ = nullptr, *repeat_ = nullptr;
 };
 

@@ -38,20 +38,6 @@ CampaignDescription description_of(const Campaign& campaign) {
   return {campaign.file, campaign.sha256, campaign.cases(), batch_of(campaign), IMUD_VERSION};
 }
 
-// Throws OpenError if the results would not fit the disk of the folder.
-void check_room(const std::string& folder, std::uint64_t cases, std::size_t row_size) {
-  std::filesystem::path existing = std::filesystem::absolute(folder);
-  while (!std::filesystem::exists(existing) && existing.has_relative_path()) existing = existing.parent_path();
-  std::error_code error;
-  const std::filesystem::space_info space = std::filesystem::space(existing, error);
-  const double needed = static_cast<double>(cases) * static_cast<double>(row_size);
-  if (error || needed <= static_cast<double>(space.available)) return;
-  throw OpenError(
-      fmt::format("{}: {} cases write about {:.3g} MB, a row of {} bytes each, and the disk has {:.3g} MB left; "
-                  "give a folder on another disk",
-                  folder, cases, 1e-6 * needed, row_size, 1e-6 * static_cast<double>(space.available)));
-}
-
 // Returns about how many bytes a row has.
 std::size_t expected_row_size(const Campaign& campaign, const Config& config) {
   constexpr std::size_t rest = 300, of_imu = 80, of_text = 6, of_digits = 6;
@@ -229,6 +215,19 @@ std::uint64_t batch_of(const Campaign& campaign) noexcept {
   return batch;
 }
 
+void require_room(const std::string& folder, std::uint64_t cases, double row_bytes) {
+  std::filesystem::path existing = std::filesystem::absolute(folder);
+  while (!std::filesystem::exists(existing) && existing.has_relative_path()) existing = existing.parent_path();
+  std::error_code error;
+  const std::filesystem::space_info space = std::filesystem::space(existing, error);
+  const double needed = static_cast<double>(cases) * row_bytes;
+  if (error || needed <= static_cast<double>(space.available)) return;
+  throw OpenError(
+      fmt::format("{}: {} cases write about {:.3g} MB, a row of {:.0f} bytes each, and the disk has {:.3g} MB left; "
+                  "give a folder on another disk",
+                  folder, cases, 1e-6 * needed, row_bytes, 1e-6 * static_cast<double>(space.available)));
+}
+
 ResultFolder open_result_folder(const std::string& folder, const Campaign& campaign) {
   return {folder, description_of(campaign), text_of_plan(campaign.file)};
 }
@@ -252,7 +251,7 @@ int run_campaign(const std::string& plan, const std::string& folder, const Campa
   const CaseRange range = options.cases.value_or(CaseRange{0, description.cases - 1});
   const Config& config = runner.prepare(case_of(campaign, range.first));
   for (const std::string& warning : config.warnings) spdlog::warn("{}", warning);
-  check_room(folder, range.size(), expected_row_size(campaign, config));
+  require_room(folder, range.size(), static_cast<double>(expected_row_size(campaign, config)));
   return run_missing(open_result_folder(folder, campaign), campaign, runner, options);
 }
 

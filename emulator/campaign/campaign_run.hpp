@@ -20,6 +20,8 @@ struct CampaignRunOptions {
 // shards of up to a million cases.
 std::uint64_t batch_of(const Campaign& campaign) noexcept;
 
+// Throws OpenError if so many cases would not fit the disk of a folder, which need not exist yet.
+void require_room(const std::string& folder, std::uint64_t cases, double row_bytes);
 // Makes the folder of a campaign, or opens it if it has the same plan. Throws OpenError.
 ResultFolder open_result_folder(const std::string& folder, const Campaign& campaign);
 // Reads the plan of a folder. Throws ConfigError, and OpenError if it, or imud, is not the one of the folder's
