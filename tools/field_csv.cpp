@@ -5,20 +5,12 @@
 #include <algorithm>
 #include <iterator>
 #include <span>
-#include <string_view>
 
+#include "protocols/wire/csv_field.hpp"
 #include "protocols/wire/shortest_text.hpp"
 
 namespace imud {
 namespace {
-
-// Returns the text as a field of CSV (RFC 4180).
-std::string in_quotes(std::string_view text) {
-  if (text.find_first_of(",\"\r\n") == text.npos) return std::string(text);
-  std::string field = "\"";
-  for (const char c : text) field.append(c == '"' ? 2 : 1, c);
-  return field + '"';
-}
 
 void append(std::string& row, const FieldValue& value) {
   row += ',';
@@ -39,10 +31,10 @@ FieldCsv::FieldCsv(const FieldDecoder& decoder, TextOutput& out) : decoder_(deco
   std::string header = "message,offset";
   std::size_t columns = 0, longest = 0;
   for (const FrameKind& kind : kinds) {
-    kinds_.push_back({in_quotes(kind.name), kind.fields.size(), columns});
+    kinds_.push_back({csv_field(kind.name), kind.fields.size(), columns});
     columns += kind.fields.size();
     longest = std::max(longest, kind.fields.size());
-    for (const std::string& field : kind.fields) header += "," + in_quotes(kind.name + "." + field);
+    for (const std::string& field : kind.fields) header += "," + csv_field(kind.name + "." + field);
   }
   for (Kind& kind : kinds_) kind.after = columns - kind.before - kind.fields;
   values_.resize(longest);

@@ -6,16 +6,10 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
+#include "protocols/wire/csv_field.hpp"
+
 namespace imud {
 namespace {
-
-// Returns the text as a field of CSV (RFC 4180).
-std::string in_quotes(const std::string& text) {
-  if (text.find_first_of(",\"\r\n") == std::string::npos) return text;
-  std::string field = "\"";
-  for (const char c : text) field.append(c == '"' ? 2 : 1, c);
-  return field + "\"";
-}
 
 std::string_view word(FaultLabel::State state) {
   switch (state) {
@@ -137,12 +131,12 @@ std::string labels_csv(std::span<const FaultLabel> labels, std::span<const Drawn
   for (const FaultLabel& label : labels) {
     if (seed) text += fmt::format("{},", *seed);
     if (label.state == FaultLabel::State::never) {
-      text += fmt::format("{},{},{},{},,,,,,,,,,,,{},,,\n", in_quotes(label.fault->name), in_quotes(label.imu),
+      text += fmt::format("{},{},{},{},,,,,,,,,,,,{},,,\n", csv_field(label.fault->name), csv_field(label.imu),
                           label.fault->target_text(), label.fault->kind->name, word(label.state));
       continue;
     }
-    text += fmt::format("{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{}\n", in_quotes(label.fault->name),
-                        in_quotes(label.imu), label.fault->target_text(), label.fault->kind->name,
+    text += fmt::format("{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{}\n", csv_field(label.fault->name),
+                        csv_field(label.imu), label.fault->target_text(), label.fault->kind->name,
                         label.first.occurrence, label.first.sample, label.last.sample, label.first.counter,
                         label.last.counter, label.first.time_s, label.last.time_s, label.first.device_time.ns,
                         label.last.device_time.ns, parameters_text(*label.fault, label.first), label.first.run,
@@ -151,8 +145,8 @@ std::string labels_csv(std::span<const FaultLabel> labels, std::span<const Drawn
   }
   for (const auto& [imu, terms] : drawn) {
     if (seed) text += fmt::format("{},", *seed);
-    text += fmt::format(",{},{},{},,,,,,,,,,{},,drawn,,,\n", in_quotes(imu), terms.sensor, terms.layer,
-                        in_quotes(terms.text()));
+    text += fmt::format(",{},{},{},,,,,,,,,,{},,drawn,,,\n", csv_field(imu), terms.sensor, terms.layer,
+                        csv_field(terms.text()));
   }
   return text;
 }
