@@ -45,7 +45,7 @@ FLOORS = {
                  "web/", "run/", "seeds/", "campaign/cases/ campaign/slurm/", "campaign/", "init/ watch/", "commands/", ""],
     "tools": ["*_client.hpp duration_text.* gnuplot.* number_check.hpp output_options.hpp program.* "
               "setting_texts.hpp stop_signal.* stream_*.* text_output.*", "input/ replay/ vcan/ checks/", "arrays/ find/", "truth/", "allan/",
-              "plot/ fit/", ""],
+              "plot/ fit/ campaign/", ""],
 }
 # A folder with more files than these hides something.
 MOST_FILES = 30
