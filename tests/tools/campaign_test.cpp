@@ -1,0 +1,74 @@
+// The parts of imu-campaign: rows as cells.
+#include <gtest/gtest.h>
+
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "tools/campaign/case_row.hpp"
+#include "tools/campaign/case_table.hpp"
+
+namespace imud {
+namespace {
+
+std::vector<std::string> names_of(const CaseRow& row) {
+  std::vector<std::string> names;
+  for (const TableColumn& column : table_columns(row)) names.push_back(column.name);
+  return names;
+}
+
+TEST(CaseRow, NamesItsColumnsInTheOrderOfTheTable) {
+  CaseRow row;
+  row.read(R"({"case": 7, "axes": {"b": "1", "a": "x"}, "seed": 3, "exit_code": 0, "ended_by": "signal",
+    "figures": {"imu1.samples": 5, "deep": {"er": [1.5, {"est": true}]}}, "digest": {"imu1": "ab"},
+    "expect": {"settles": false}, "shortfalls": ["one", "two"], "error": null,
+    "test": {"exit_code": 4, "metrics": {"error": 1e-3, "exit_code": 9}}, "unknown": {"figures": {"x": 1}}})",
+           7);
+  EXPECT_EQ(names_of(row),
+            (std::vector<std::string>{"case", "seed", "b", "a", "exit_code", "ended_by", "expect.settles",
+                                      "digest.imu1", "imu1.samples", "deep.er.0", "deep.er.1.est", "test.exit_code",
+                                      "test.error", "test.exit_code_2", "shortfalls", "error"}));
+  EXPECT_EQ(row.index(), 7U);
+  EXPECT_EQ(row[CaseRow::shortfalls].text, "one; two");
+  EXPECT_EQ(row[CaseRow::error].kind, CaseCell::Kind::empty);
+  EXPECT_TRUE(row.has_failed());
+  const std::size_t columns = row.columns().size();
+  // Another order, absent and additional members.
+  row.read(R"({"seed": 4, "case": 8, "figures": {"new": -0.0, "imu1.samples": null}, "exit_code": 0})", 8);
+  EXPECT_EQ(row.columns().size(), columns + 1);
+  EXPECT_FALSE(row.has_failed());
+  EXPECT_EQ(row[columns].text, "-0.0");
+  // A counter that is left out is 0, unless there was no run; other figures and metrics are not known.
+  const auto zeros = [&row] {
+    std::vector<std::string> names;
+    for (std::size_t i = 0; i < row.columns().size(); ++i)
+      if (row[i].kind == CaseCell::Kind::integer && row[i].integer == 0) names.push_back(row.columns()[i].name());
+    return names;
+  };
+  EXPECT_EQ(zeros(), (std::vector<std::string>{"exit_code", "imu1.samples"}));
+  row.read(R"({"case": 9, "seed": 4, "exit_code": 0, "error": "none"})", 9);
+  EXPECT_EQ(zeros(), (std::vector<std::string>{"exit_code"}));
+}
+
+TEST(CaseRow, NamesThatDifferByCaseOnlyOrAreTakenGetANumber) {
+  CaseRow row;
+  row.read(
+      R"({"case": 0, "axes": {"seed": "1", "Imu1.Samples": "2"}, "figures": {"imu1.samples": 1}, "exit_code": 0})",
+      0);
+  EXPECT_EQ(names_of(row), (std::vector<std::string>{"case", "seed", "seed_2", "Imu1.Samples_2", "exit_code",
+                                                     "ended_by", "imu1.samples", "shortfalls", "error"}));
+}
+
+TEST(CaseRow, RefusesWhatIsNoRow) {
+  CaseRow row;
+  for (const char* text :
+       {"", "7", "[1]", "{}", R"({"case": -1})", R"({"case": "0"})", R"({"case": 1})", R"({"case": 0)",
+        "{\"case\": 0}x", R"({"case": 0, "figures": {"a": 1e999}})", R"({"case": 0, "figures": {"a": NaN}})"})
+    EXPECT_THROW(row.read(text, 0), std::runtime_error) << text;
+  std::string many = R"({"case": 0, "figures": {"a": 0)";
+  for (int i = 0; i < 2000; ++i) many += ", \"b" + std::to_string(i) + "\": 1";
+  EXPECT_THROW(row.read(many + "}}", 0), std::runtime_error);
+}
+
+}  // namespace
+}  // namespace imud
