@@ -1,4 +1,4 @@
-// The table of a campaign: a row for each case, as CSV or JSON lines.
+// The table of a campaign: a row for each case, as CSV, JSON lines or SQLite.
 #pragma once
 
 #include <cstddef>
@@ -41,6 +41,8 @@ class CaseTable {
 std::unique_ptr<CaseTable> csv_table(const std::string& path);
 // A JSON object for each case, in a line of its own; an absent value is null.
 std::unique_ptr<CaseTable> json_table(const std::string& path);
+// A database with the table `cases`. Axes are numbers where their values are.
+std::unique_ptr<CaseTable> sqlite_table(const std::string& path);
 
 struct CollectedCases {
   std::uint64_t not_run = 0;  // cases that have an error in place of a run
