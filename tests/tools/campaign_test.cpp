@@ -1,6 +1,7 @@
-// The parts of imu-campaign: pass rates, and rows as cells.
+// The parts of imu-campaign: pass rates, percentiles, the sample of cases, and rows as cells.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <random>
@@ -9,6 +10,7 @@
 #include <vector>
 
 #include "tools/campaign/case_row.hpp"
+#include "tools/campaign/case_sample.hpp"
 #include "tools/campaign/case_table.hpp"
 #include "tools/campaign/wilson.hpp"
 
@@ -64,6 +66,47 @@ TEST(Wilson, HoldsAKnownProbability) {
     held += interval.low <= 0.9 && 0.9 <= interval.high ? 1 : 0;
   }
   EXPECT_NEAR(held / 400.0, expected, 0.05);
+}
+
+TEST(Moments, AreExactForSmallWholeNumbers) {
+  Moments moments;
+  for (const double number : {2, 4, 4, 4, 5, 5, 7, 9}) moments.add(number);
+  EXPECT_EQ(moments.runs, 8U);
+  EXPECT_DOUBLE_EQ(moments.mean, 5);
+  EXPECT_DOUBLE_EQ(moments.deviation(), std::sqrt(32.0 / 7));
+  EXPECT_EQ(moments.min, 2);
+  EXPECT_EQ(moments.max, 9);
+  EXPECT_TRUE(std::isnan(Moments().deviation()));
+  // A sum of squares would lose all digits.
+  Moments far;
+  for (const double number : {1e9 + 4, 1e9 + 7, 1e9 + 13, 1e9 + 16}) far.add(number);
+  EXPECT_DOUBLE_EQ(far.deviation(), std::sqrt(30.0));
+}
+
+TEST(Percentile, IsLinearBetweenTheNearest) {
+  const std::vector<double> sorted = {1, 2, 3, 4};
+  EXPECT_DOUBLE_EQ(percentile(sorted, 0), 1);
+  EXPECT_DOUBLE_EQ(percentile(sorted, 0.25), 1.75);  // numpy.percentile([1, 2, 3, 4], 25)
+  EXPECT_DOUBLE_EQ(percentile(sorted, 0.5), 2.5);
+  EXPECT_DOUBLE_EQ(percentile(sorted, 1), 4);
+  EXPECT_DOUBLE_EQ(percentile({5}, 0.95), 5);
+  EXPECT_TRUE(std::isnan(percentile({}, 0.5)));
+}
+
+// The median of a sample of n uniform numbers has the standard deviation 1/sqrt(4n). There are at least a thousand:
+// the bound is five of these.
+TEST(CaseSample, StaysWithinItsBytesAndKeepsTheDistribution) {
+  CaseSample sample(400'000);
+  constexpr std::uint64_t cases = 100'000;
+  for (std::uint64_t i = 0; i < cases; ++i)
+    if (sample.wants(i)) sample.add(i, {static_cast<double>(i) / cases}, {0});
+  EXPECT_LT(sample.size(), 400'000U / 64);
+  ASSERT_GT(sample.size(), 1000U);
+  std::vector<double> numbers;
+  for (std::size_t row = 0; row < sample.size(); ++row) numbers.push_back(sample.number(row, 0, -1));
+  std::ranges::sort(numbers);
+  EXPECT_NEAR(percentile(numbers, 0.5), 0.5, 5 / std::sqrt(4.0 * 1000));
+  EXPECT_EQ(sample.number(0, 1, -1), -1);
 }
 
 std::vector<std::string> names_of(const CaseRow& row) {
