@@ -28,7 +28,7 @@ class Bash:
 class Fish:
     def complete(self, lines):
         script = f"source {DOCUMENTS}/fish/imud.fish\n"
-        for program in ("imu-allan", "imu-decode", "imu-fit", "imu-plot", "imu-truth"):
+        for program in ("imu-allan", "imu-campaign", "imu-decode", "imu-fit", "imu-plot", "imu-truth"):
             script += f"source {DOCUMENTS}/fish/{program}.fish\n"
         for words in lines:
             script += f"complete -C {' '.join(words)!r}; echo ----\n"
@@ -102,6 +102,7 @@ class CompletionTest(unittest.TestCase):
                   (["imu-decode", "native", ""], [f"{name}:" for name in names("transport")]),
                   (["imu-allan", "--against", ""], names("preset")),
                   (["imu-truth", "--format", ""], names("truth format")),
+                  (["imu-campaign", ""], ["collect", "report"]),
                   (["imu-truth", ""], ["rest", "turntable", "coning", "spiral", "boost", "capture"]),
                   (["imud", "ctl", ""], methods()),
                   (["imud", "run", "--set", "imu.0.gyro."], ["imu.0.gyro.bias_rad_per_s=", "imu.0.gyro.max_rad_per_s="]),

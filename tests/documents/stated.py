@@ -23,7 +23,7 @@ def output(*words, **others):
 
 def commands():
     """The words of each command line that has a --help."""
-    for program in ("imud", "imu-allan", "imu-decode", "imu-fit", "imu-plot", "imu-truth"):
+    for program in ("imud", "imu-allan", "imu-campaign", "imu-decode", "imu-fit", "imu-plot", "imu-truth"):
         yield from below([program])
 
 

@@ -16,7 +16,7 @@ import sys
 import unittest
 
 BUILD, SOURCE = (pathlib.Path(argument).resolve() for argument in (sys.argv.pop(1), sys.argv.pop(1)))
-PROGRAMS = ("imud", "imu-allan", "imu-decode", "imu-fit", "imu-plot", "imu-truth")
+PROGRAMS = ("imud", "imu-allan", "imu-campaign", "imu-decode", "imu-fit", "imu-plot", "imu-truth")
 # Libraries that are compiled in as headers, in part or as a whole; their first file, as the sources include it.
 COMPILED_IN = ("eigen3/Eigen/Core", "boost/asio.hpp", "boost/beast.hpp", "boost/endian/conversion.hpp", "toml++/toml.h", "fmt/format.h",
                "spdlog/spdlog.h", "CLI/CLI.hpp", "nlohmann/json.hpp", "Random123/philox.h")

@@ -16,7 +16,7 @@ import unittest
 import commands
 
 BUILD, SOURCE = (pathlib.Path(argument).resolve() for argument in (sys.argv.pop(1), sys.argv.pop(1)))
-PROGRAMS = ("imud", "imu-decode", "imu-truth", "imu-allan", "imu-fit", "imu-plot")
+PROGRAMS = ("imud", "imu-decode", "imu-truth", "imu-allan", "imu-campaign", "imu-fit", "imu-plot")
 FOLDERS = ("core", "emulator", "protocols", "transports", "tools", "tests")
 DOCUMENTS = {"man": "share/man", "bash": "share/bash-completion/completions", "zsh": "share/zsh/site-functions",
              "fish": "share/fish/vendor_completions.d"}

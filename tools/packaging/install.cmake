@@ -3,14 +3,14 @@
 include(GNUInstallDirs)
 set(packaging ${CMAKE_SOURCE_DIR}/tools/packaging)
 
-install(TARGETS imud imu-allan imu-decode imu-fit imu-plot imu-truth COMPONENT imud)
+install(TARGETS imud imu-allan imu-campaign imu-decode imu-fit imu-plot imu-truth COMPONENT imud)
 # The manual and the completions are made of what the programs state of themselves.
 file(GLOB makers CONFIGURE_DEPENDS ${packaging}/documents/*.py ${CMAKE_SOURCE_DIR}/tools/scenarios/*.toml)
 add_custom_command(OUTPUT ${CMAKE_BINARY_DIR}/documents.stamp
   COMMAND /usr/bin/python3 ${packaging}/documents/documents.py ${CMAKE_BINARY_DIR} ${CMAKE_SOURCE_DIR}
     ${CMAKE_BINARY_DIR}/documents
   COMMAND ${CMAKE_COMMAND} -E touch ${CMAKE_BINARY_DIR}/documents.stamp
-  DEPENDS imud imu-allan imu-decode imu-fit imu-plot imu-truth ${makers} ${packaging}/debian/changelog
+  DEPENDS imud imu-allan imu-campaign imu-decode imu-fit imu-plot imu-truth ${makers} ${packaging}/debian/changelog
     emulator/CONFIGURATION.md emulator/control/README.md emulator/faults/README.md
   VERBATIM)
 add_custom_target(documents ALL DEPENDS ${CMAKE_BINARY_DIR}/documents.stamp)

@@ -124,7 +124,7 @@ def main(programs_folder, build_folder, changelog):
     version = re.match(r"imud \((.*?)\)", text).group(1)
     date = email.utils.parsedate_to_datetime(re.search(r"^ -- .*>  (.*)$", text, re.MULTILINE).group(1)).timestamp()
     created = datetime.datetime.fromtimestamp(int(os.environ.get("SOURCE_DATE_EPOCH", date)), datetime.timezone.utc)
-    names = ("imud", "imu-allan", "imu-decode", "imu-fit", "imu-plot", "imu-truth")
+    names = ("imud", "imu-allan", "imu-campaign", "imu-decode", "imu-fit", "imu-plot", "imu-truth")
     debian, architecture = Debian(), architecture_of(build)
 
     users = {}  # of libraries

@@ -57,6 +57,7 @@ class Completion:
             "products": programs.shipped_names("protocol") + units,
             "simulators": simulators + programs.shipped_names("truth format"),
             "methods": methods,
+            "campaign_actions": ["collect", "report"],
             "motions": first_words(programs.commands["imu-truth"], "Motions") + ["list"],
             "formats": programs.shipped_names("truth format") + ["ulog", "mcap"],
             "presets": programs.shipped_names("preset"),
@@ -81,7 +82,7 @@ class Completion:
         given = {"--scenario": [SCENARIOS, FILES], "--name": [RUNS], "--deviation": ["deviations"], "--format": ["formats"],
                  "PROTOCOL": ["protocols"] + ([] if words == "imu-decode" else ["arrays"]), "PORT": ["ports", FILES],
                  "PRODUCT": ["products"], "--from": ["simulators", FILES], "--port": ["ports"],
-                 "METHOD": ["methods"], "PARAMETER": ["keys"], "MOTION": ["motions"]}.get(name)
+                 "METHOD": ["methods"], "PARAMETER": ["keys"], "MOTION": ["motions"], "ACTION": ["campaign_actions"]}.get(name)
         if given:
             return given
         if name == "NAME" and words in ("imud status", "imud top"):

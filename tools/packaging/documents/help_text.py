@@ -5,7 +5,7 @@ import pathlib
 import re
 import subprocess
 
-TOOLS = ("imu-allan", "imu-decode", "imu-fit", "imu-plot", "imu-truth")
+TOOLS = ("imu-allan", "imu-campaign", "imu-decode", "imu-fit", "imu-plot", "imu-truth")
 PROGRAMS = ("imud", *TOOLS)
 # After a name: the value, "REQUIRED", and which other options it needs or excludes.
 ENTRY = re.compile(r"^  (?P<entry>\S.*)$")
