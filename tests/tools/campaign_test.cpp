@@ -1,4 +1,5 @@
 // The parts of imu-campaign: pass rates, percentiles, the sample of cases, and rows as cells.
+// tests/campaign/collect_test.py has the program.
 #include <gtest/gtest.h>
 
 #include <algorithm>
