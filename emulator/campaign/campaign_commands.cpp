@@ -1,6 +1,14 @@
 #include "emulator/campaign/campaign_commands.hpp"
 
+#include <fmt/format.h>
+#include <unistd.h>
+
 #include <CLI/CLI.hpp>
+#include <cerrno>
+#include <cstring>
+#include <filesystem>
+#include <string>
+#include <vector>
 
 #include "emulator/campaign/campaign_check.hpp"
 #include "emulator/campaign/campaign_repeat.hpp"
@@ -8,6 +16,22 @@
 #include "emulator/ground/text_file.hpp"
 
 namespace imud {
+namespace {
+
+// Becomes `imu-campaign ACTION ARGUMENTS...`, the program beside this one: it has the writers of SQLite and of
+// pictures, without which imud starts. Throws OpenError if it cannot be executed.
+[[noreturn]] void become_tool(const std::string& action, const std::vector<std::string>& arguments) {
+  const std::filesystem::path self = std::filesystem::read_symlink("/proc/self/exe");
+  std::vector<std::string> words = {(self.parent_path() / "imu-campaign").string(), action};
+  words.insert(words.end(), arguments.begin(), arguments.end());
+  std::vector<char*> argv;
+  for (std::string& word : words) argv.push_back(word.data());
+  argv.push_back(nullptr);
+  ::execv(argv.front(), argv.data());
+  throw OpenError(fmt::format("{}: {}; it is installed beside imud", words.front(), std::strerror(errno)));
+}
+
+}  // namespace
 
 CampaignCommands::CampaignCommands(CLI::App& app) {
   CLI::App* campaign = app.add_subcommand("campaign",
@@ -19,6 +43,21 @@ CampaignCommands::CampaignCommands(CLI::App& app) {
   check->add_option("PLAN", plan_, "Plan of the campaign, TOML")->required();
   check_ = check;
   add_run(*campaign);
+  add_tools(*campaign);
+}
+
+void CampaignCommands::add_tools(CLI::App& campaign) {
+  const auto add = [&](const std::string& name, const std::string& help) {
+    CLI::App* tool = campaign.add_subcommand(name, help);
+    tool->prefix_command();
+    tools_.push_back(tool);
+    return tool;
+  };
+  add("collect", "Write the cases in DIR as a table; the options of `imu-campaign collect` follow")
+      ->footer("Example: imud campaign collect DIR --csv cases.csv --sqlite cases.db");
+  add("report",
+      "Print the statistics of the cases in DIR, and draw them; the options of `imu-campaign report` follow")
+      ->footer("Example: imud campaign report DIR --figure imu1.angle_error_x_rad --plot histogram.svg");
 }
 
 void CampaignCommands::add_run(CLI::App& campaign) {
@@ -93,6 +132,8 @@ std::optional<int> CampaignCommands::execute() const {
     return is_for_slurm() ? resume_on_slurm(folder_, slurm) : resume_campaign(folder_, run_options_);
   if (status_->parsed()) return campaign_status(folder_, json_);
   if (repeat_->parsed()) return repeat_case(plan_, case_, record_);
+  for (const CLI::App* tool : tools_)
+    if (tool->parsed()) become_tool(tool->get_name(), tool->remaining());
   return std::nullopt;
 }
 

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "emulator/campaign/campaign_run.hpp"
 #include "emulator/campaign/slurm_run.hpp"
@@ -19,13 +20,14 @@ class CampaignCommands {
   // Adds the commands to the command line, which outlives this.
   explicit CampaignCommands(CLI::App& app);
   // Executes the command that was given, and returns its exit code; nullopt: another one was given. Throws
-  // ConfigError if the plan is wrong.
+  // ConfigError if the plan is wrong. Does not return from `collect` and `report`, which become another program.
   std::optional<int> execute() const;
 
  private:
   void add_run(CLI::App& campaign);
   // Returns true if the cases run on Slurm. Throws OpenError if options do not suit the engine.
   bool is_for_slurm() const;
+  void add_tools(CLI::App& campaign);
 
   std::string plan_, folder_, record_;
   std::string engine_;  // "local" or "slurm"; empty: by the folder
@@ -34,6 +36,7 @@ class CampaignCommands {
   CampaignRunOptions run_options_;
   SlurmRunOptions slurm_options_;
   const CLI::App *check_ = nullptr, *run_ = nullptr, *resume_ = nullptr, *status_ = nullptr, *repeat_ = nullptr;
+  std::vector<const CLI::App*> tools_;
 };
 
 }  // namespace imud

@@ -198,6 +198,16 @@ class TableTest(unittest.TestCase):
                 write_shard(folder.path / "c", rows[200:300])
                 self.assertEqual(len(folder.run("collect", "c", "--csv", "-").stdout.splitlines()), 501)
 
+    def test_imud_campaign_becomes_this_program(self):
+        with Folder() as folder:
+            write_all(folder.path / "c", rows_of(40, random.Random(10)), 20)
+            for words, expected in ((("collect", "c", "--csv", "-"), 0), (("report", "c", "--worst", "imu1.late"), 0),
+                                    (("collect", "--sqlite"), 2)):
+                done = folder.run(*words, expected=expected)
+                same = subprocess.run([str(PROGRAM.parent / "imud"), "campaign", *words], cwd=folder.path, capture_output=True, text=True,
+                                      timeout=300)
+                self.assertEqual((same.returncode, same.stdout, same.stderr), (expected, done.stdout, done.stderr))
+
     def test_missing_cases(self):
         rows = rows_of(300, random.Random(4))
         rows[5] |= {"exit_code": 1, "error": "imud.toml: cannot read it"}
