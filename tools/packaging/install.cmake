@@ -8,7 +8,7 @@ install(TARGETS imud imu-allan imu-campaign imu-decode imu-fit imu-plot imu-trut
 file(GLOB makers CONFIGURE_DEPENDS ${packaging}/documents/*.py ${CMAKE_SOURCE_DIR}/tools/scenarios/*.toml)
 add_custom_command(OUTPUT ${CMAKE_BINARY_DIR}/documents.stamp
   COMMAND /usr/bin/python3 ${packaging}/documents/documents.py ${CMAKE_BINARY_DIR} ${CMAKE_SOURCE_DIR}
-    ${CMAKE_BINARY_DIR}/documents
+    ${CMAKE_BINARY_DIR}/documents ${CMAKE_CROSSCOMPILING_EMULATOR}
   COMMAND ${CMAKE_COMMAND} -E touch ${CMAKE_BINARY_DIR}/documents.stamp
   DEPENDS imud imu-allan imu-campaign imu-decode imu-fit imu-plot imu-truth ${makers} ${packaging}/debian/changelog
     emulator/CONFIGURATION.md emulator/control/README.md emulator/faults/README.md

@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
 """Writes the pages of the manual and the completions of the shells, made of what the programs state of themselves.
 
-usage: documents.py PROGRAMS_FOLDER SOURCE_FOLDER OUTPUT_FOLDER
+usage: documents.py PROGRAMS_FOLDER SOURCE_FOLDER OUTPUT_FOLDER [EMULATOR]
 
 OUTPUT_FOLDER gets man/man1, man/man5, man/man7, bash, zsh and fish. The pages have the date of the changelog: the same
-programs and sources give the same files.
+programs and sources give the same files. EMULATOR starts programs of another processor.
 """
 import email.utils
 import pathlib
@@ -23,9 +23,9 @@ def date_of(changelog):
     return email.utils.parsedate_to_datetime(line.split(">  ")[1]).date().isoformat()
 
 
-def main(programs_folder, source_folder, output_folder):
+def main(programs_folder, source_folder, output_folder, *emulator):
     source, output = pathlib.Path(source_folder), pathlib.Path(output_folder)
-    programs = Programs(programs_folder)
+    programs = Programs(programs_folder, emulator)
     files = {}
     for page in Manual(programs, source, date_of((source / "tools/packaging/debian/changelog").read_text())).pages:
         files[f"man/man{page.section}/{page.file}"] = page.text()
@@ -45,6 +45,6 @@ def main(programs_folder, source_folder, output_folder):
 
 
 if __name__ == "__main__":
-    if len(sys.argv) != 4:
+    if len(sys.argv) not in (4, 5):
         sys.exit(__doc__)
     main(*sys.argv[1:])

@@ -112,10 +112,11 @@ def parse(words, text):
 
 
 class Programs:
-    """What the programs of a folder state of themselves."""
+    """What the programs of a folder state of themselves. `emulator` starts them, if it is not empty."""
 
-    def __init__(self, folder):
+    def __init__(self, folder, emulator=()):
         self.folder = pathlib.Path(folder)
+        self.emulator = emulator
         self.commands = {}
         for program in PROGRAMS:
             self.add([program])
@@ -124,7 +125,7 @@ class Programs:
         self.faults = json.loads(self.output(["imud", "list", "faults", "--json"]))
 
     def output(self, words):
-        return subprocess.run([self.folder / words[0], *words[1:]], check=True, capture_output=True, text=True).stdout
+        return subprocess.run([*self.emulator, self.folder / words[0], *words[1:]], check=True, capture_output=True, text=True).stdout
 
     def add(self, words):
         """Adds a command, and the commands below it, such as those of `imud campaign`."""
