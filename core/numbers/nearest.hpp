@@ -8,7 +8,8 @@
 namespace imud {
 
 // Returns the word of `words` that is nearest to `word` by Levenshtein distance, in which two exchanged letters count
-// once; empty if none is near.
+// once. If none is near: the first whose beginning, up to a '_', is nearest, such as bias_deg_per_s for "bais". Empty
+// if none of these is near either.
 std::string nearest(std::string_view word, const std::vector<std::string>& words);
 
 }  // namespace imud

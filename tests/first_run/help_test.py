@@ -96,7 +96,7 @@ class HelpTest(unittest.TestCase):
 
     def test_suggests_the_nearest(self):
         for given, near in (("rate_hs", "rate_hz"), ("gyo", "gyro"), ("imu.gyro.bias_deg_per_sec", "imu.gyro.bias_deg_per_s"), ("stim30O", "stim300"),
-                            ("selftst", "selftest")):
+                            ("selftst", "selftest"), ("gyor", "gyro")):
             done = imud("help", given)
             self.assertEqual((done.returncode, done.stdout), (2, ""))
             self.assertIn(f'did you mean "{near}"?', done.stderr)

@@ -375,6 +375,7 @@ TEST_F(ConfigTest, EachFaultNamesLineKeyAndRemedy) {
   EXPECT_EQ(fault(with("gyro.walk_bound = [1, -1, 0]")),
             "11: imu.0.gyro.walk_bound: give numbers of at least 0 (0: no bound)");
   EXPECT_EQ(fault(with("barometer.bias = 1")), "11: imu.0.barometer.bias: unknown key; did you mean \"bias_pa\"?");
+  EXPECT_EQ(fault(with("barometer.bais = 1")), "11: imu.0.barometer.bais: unknown key; did you mean \"bias_pa\"?");
   EXPECT_EQ(fault(with("gyro.carry = 1")), "11: imu.0.gyro.carry: give true or false");
   EXPECT_EQ(fault(with("gyro.lsb_rad_per_s = -1")),
             "11: imu.0.gyro.lsb_rad_per_s: -1 is out of range; give a number from 0 to 1000000000");
