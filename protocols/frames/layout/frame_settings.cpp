@@ -125,15 +125,17 @@ std::optional<std::size_t> FrameSettings::find(std::string_view name, bool ignor
 std::optional<FrameValue> FrameSettings::find_value(std::size_t setting, std::string_view text,
                                                     bool ignores_case) const noexcept {
   const Setting& one = all_[setting];
-  const auto given = one.is_number ? number_in<double>(text) : std::nullopt;
+  // A number that is not one equals no value and is in no range.
+  constexpr double none = std::numeric_limits<double>::quiet_NaN();
+  const double given = one.is_number ? number_in<double>(text).value_or(none) : none;
   if (one.is_range) {
-    if (!given || *given != std::floor(*given) || *given < static_cast<double>(one.lowest) ||
-        *given > static_cast<double>(one.highest))
+    if (given != std::floor(given) || given < static_cast<double>(one.lowest) ||
+        given > static_cast<double>(one.highest))
       return std::nullopt;
-    return static_cast<FrameValue>(static_cast<std::int64_t>(*given) - one.lowest);
+    return static_cast<FrameValue>(static_cast<std::int64_t>(given) - one.lowest);
   }
   for (std::size_t i = 0; i < one.values.size(); ++i)
-    if (is_same_text(one.values[i], text, ignores_case) || (given && *given == numbers_[setting][i])) return i;
+    if (is_same_text(one.values[i], text, ignores_case) || given == numbers_[setting][i]) return i;
   return std::nullopt;
 }
 
