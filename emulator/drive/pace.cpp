@@ -3,12 +3,16 @@
 namespace imud {
 
 void Pace::transmit(HostTime instant, HostTime due) noexcept {
-  if (engine_.encodes_apart()) {
-    engine_.apply(Step::transmit(instant, false));
-    return;
-  }
-  if (!is_paced_) return transmit_at_once(instant);
+  if (is_paced_ || engine_.encodes_apart())
+    transmit_at(instant, due);
+  else
+    transmit_at_once(instant);
+}
+
+// Out of line, so that transmit() needs none of its registers.
+[[gnu::noinline]] void Pace::transmit_at(HostTime instant, HostTime due) noexcept {
   engine_.apply(Step::transmit(instant, false));
+  if (engine_.encodes_apart()) return;
   if (host_.now() < due) host_.sleep_until(due, options_.spin);
   for (Channel* channel : engine_.prepared()) {
     const HostTime begin = host_.now();

@@ -36,6 +36,7 @@ class Pace {
   void skip(HostTime instant) noexcept;
 
  private:
+  void transmit_at(HostTime instant, HostTime due) noexcept;
   void transmit_at_once(HostTime instant) noexcept;
 
   Engine& engine_;

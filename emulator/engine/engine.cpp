@@ -39,20 +39,13 @@ std::unique_ptr<ChannelFaults> Engine::faults_of(const ImuConfig& imu, std::uint
                                          seed, faults_.log(), faults_.capacity() - configured.size());
 }
 
-// The functions for each kind of step are out of line, so that none needs the registers of the others.
-TruthIntake::Outcome Engine::apply(const Step& step) noexcept {
+// Executes the steps that neither take a sample nor transmit one. The functions for each kind of step are out of
+// line, so that none needs the registers of the others.
+TruthIntake::Outcome Engine::apply_other(const Step& step) noexcept {
   using Type = Step::Type;
-  // A leap, which the driver proposes after its truth, discards the samples that wait for truth.
-  if (unreviewed_ && step.event.type != Type::forget_past) review();
   switch (step.event.type) {
     case Type::truth:
       return take_truth(step);
-    case Type::sample:
-      if (step.imu < channels_.size()) take_sample(*channels_[step.imu], step);
-      break;
-    case Type::transmit:
-      transmit(step);
-      break;
     case Type::deadlines:
       finish_encoding();
       poll(HostTime{step.event.a});
@@ -237,7 +230,9 @@ void Engine::advance(TruthTime until) noexcept {
   for (const auto& channel : channels_) channel->sensor.advance(timeline_, until);
 }
 
-[[gnu::noinline]] void Engine::take_sample(Channel& channel, const Step& step) noexcept {
+void Engine::take_sample(const Step& step) noexcept {
+  if (step.imu >= channels_.size()) return;
+  Channel& channel = *channels_[step.imu];
   const auto k = static_cast<std::uint64_t>(step.event.c);
   const bool at_rest = (step.event.flags & RecordEvent::at_rest) != 0;
   if ((!at_rest && timeline_.empty()) || (!step.at_once && prepared_.size() == prepared_.capacity())) return;
@@ -281,7 +276,7 @@ void Engine::advance(TruthTime until) noexcept {
   prepared_.push_back(&channel);
 }
 
-[[gnu::noinline]] void Engine::transmit(const Step& step) noexcept {
+void Engine::transmit(const Step& step) noexcept {
   const bool is_skipped = (step.event.flags & RecordEvent::skipped) != 0;
   if (is_apart_) return encoding_->put(prepared_);
   for (Channel* channel : prepared_) channel->encode(channel->prepared, is_skipped);

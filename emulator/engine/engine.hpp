@@ -34,7 +34,13 @@ class Engine {
   // Executes a step. Before it acts the sink gets it, but a truth and a sample with what came of them, and `transmit`
   // after the frames of the deadlines up to it; deadlines are stated by later events. Returns what became of a truth;
   // otherwise `nothing`. No allocation, no lock, no wait. Steps that a damaged record may hold have no effect.
-  TruthIntake::Outcome apply(const Step& step) noexcept;
+  TruthIntake::Outcome apply(const Step& step) noexcept {
+    // A leap, which the driver proposes after its truth, discards the samples that wait for truth.
+    if (unreviewed_ && step.event.type != Step::Type::forget_past) review();
+    if (step.event.type != Step::Type::sample && step.event.type != Step::Type::transmit) return apply_other(step);
+    step.event.type == Step::Type::sample ? take_sample(step) : transmit(step);
+    return TruthIntake::Outcome::nothing;
+  }
 
   // The channels whose samples were taken since the last `transmit` was completed, in order.
   std::span<Channel* const> prepared() const noexcept { return prepared_; }
@@ -77,6 +83,7 @@ class Engine {
 
  private:
   std::unique_ptr<ChannelFaults> faults_of(const ImuConfig& imu, std::uint64_t seed);
+  TruthIntake::Outcome apply_other(const Step& step) noexcept;
   void apply_rare(const Step& step) noexcept;
   void finish_encoding() noexcept;
   void look_at_imus() noexcept;
@@ -90,7 +97,7 @@ class Engine {
   void begin_run() noexcept;
   void pass_over() noexcept;
   void advance(TruthTime until) noexcept;
-  void take_sample(Channel& channel, const Step& step) noexcept;
+  void take_sample(const Step& step) noexcept;
   void transmit(const Step& step) noexcept;
   void poll(HostTime now) noexcept;
   void execute(const Step& step) noexcept;

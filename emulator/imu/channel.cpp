@@ -78,7 +78,11 @@ void Channel::prepare(std::optional<TruthTime> truth, bool silent) noexcept {
   }
   const SampleFeed* const feed = awaited.feed();
   Sample& sample = sensor.sample();
-  prepared = {&sample, truth, silent, feed != nullptr && feed->wants(number, sample.counter)};
+  // Each for itself: a Prepared on the stack would be aligned as the member is.
+  prepared.sample = &sample;
+  prepared.truth = truth;
+  prepared.is_silent = silent;
+  prepared.is_shown = feed != nullptr && feed->wants(number, sample.counter);
   if (faults && !(faults->are_quiet() && unit.is_steady()))
     set_faults(faults->active(FaultSeam::wire), faults->active(FaultSeam::power));
 }

@@ -31,7 +31,7 @@ void DeviceLine::add_to_before() noexcept {
 }
 
 void DeviceLine::look_for_room() noexcept {
-  if (is_file || had_room_at == passed || holds_back()) return;
+  if (!may_lack_room() || holds_back()) return;
   pollfd room{port->descriptor(), POLLOUT, 0};
   if (room.fd >= 0 && ::poll(&room, 1, 0) == 1 && (room.revents & POLLOUT) != 0) had_room_at = passed;
 }

@@ -46,6 +46,8 @@ struct DeviceLine {
   }
   // Returns true while the port has neither sent nor dropped all frames that were passed to it.
   bool holds_back() const noexcept;
+  // Returns true if it is not known that the port has room for the frames of a sample.
+  bool may_lack_room() const noexcept { return !is_file && had_room_at != passed; }
   // Sets `had_room_at` if the port accepts more now, so that wait() need not be called before the next frames.
   void look_for_room() noexcept;
   // Waits until the port has sent all frames, and, if `for_room`, accepts more. If its reader or bus accepts nothing

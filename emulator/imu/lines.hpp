@@ -63,8 +63,8 @@ class Lines {
   // waited for until it has accepted all frames. Also returns when `stop` is set.
   void wait_for_room(const std::atomic<bool>& stop) noexcept {
     if (never_waits()) return;
-    for (DeviceLine& line : all())
-      if (!line.is_file && line.had_room_at != line.passed) wait_for_room(line, stop);
+    if (lines_[0].may_lack_room()) wait_for_room(lines_[0], stop);
+    if (count_ == 2 && lines_[1].may_lack_room()) wait_for_room(lines_[1], stop);
     if (!copies_.empty()) copies_.wait_for_room(stop);
   }
   // Returns false if it never waits, because all ports are files.
