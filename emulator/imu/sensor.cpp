@@ -62,7 +62,9 @@ void Sensor::sense(const Timeline& timeline, TruthTime time, std::uint64_t k) no
   has_sampled_ = has_run_ = true;
   is_resting_ = false;
   ::new (&sample_) Sample(imu_.sample(timeline, time, clock_.stamp(k)));  // in place: a copy is dear
-  ahead_ = imu_.advanced_to() - timeline.newest();
+  ahead_ = Nanoseconds{0};
+  if ((sample_.status & status::truth_extrapolated) != 0) [[unlikely]]
+    ahead_ = imu_.advanced_to() - timeline.newest();
   if (has_clock_errors_ || has_leapt_ || faults_ != nullptr) [[unlikely]]
     take_errors(timeline, time);
   if (acquisition_.is_on()) [[unlikely]]

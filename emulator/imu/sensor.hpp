@@ -33,7 +33,7 @@ class Sensor {
   // The last sample that was taken.
   Sample& sample() noexcept { return sample_; }
   const Sample& sample() const noexcept { return sample_; }
-  // Returns how far it was ahead of the newest truth.
+  // Returns how far it was ahead of the newest truth; 0 if it was not.
   Nanoseconds ahead() const noexcept { return ahead_; }
   // Returns the time up to which the truth of this run was used; nullopt before its first sample.
   std::optional<TruthTime> used_until() const noexcept {
