@@ -7,7 +7,9 @@
 // in filter_requests.cpp are applied. Other settings of the filter and of events can be written and read, but change
 // nothing.
 #include <algorithm>
+#include <bit>
 #include <stdexcept>
+#include <tuple>
 
 #include "core/units.hpp"
 #include "protocols/mip/field_table.hpp"
@@ -128,9 +130,14 @@ class MipDevice final : public Device {
       if (!stream.enabled || stream.count == 0) continue;
       const auto divisor = static_cast<std::uint64_t>(internal_hz) / stream.base_hz;
       if (sample.counter % divisor != 0) continue;
+      const std::uint64_t tick = sample.counter / divisor;
+      std::uint32_t due = 0;  // bit k: field k
+      static_assert(std::tuple_size_v<decltype(stream.format)> <= 32);
+      for (std::size_t k = 0; k < stream.count; ++k) due |= (tick % stream.format[k].decimation == 0 ? 1U : 0U) << k;
+      if (due == 0) continue;
       const auto for_each_due = [&](auto&& act) {
-        for (std::size_t k = 0; k < stream.count; ++k)
-          if (sample.counter / divisor % stream.format[k].decimation == 0) act(stream.format[k].descriptor);
+        for (std::uint32_t left = due; left != 0; left &= left - 1)
+          act(stream.format[static_cast<std::size_t>(std::countr_zero(left))].descriptor);
       };
       Packet packet(out, stream.set);
       for_each_due([&](std::uint8_t descriptor) { fields_.put(packet, stream.set, descriptor); });

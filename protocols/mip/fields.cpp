@@ -41,6 +41,13 @@ bool fits_a_packet(const Model& model, const Stream& stream) noexcept {
 void Fields::set_sample(const Sample& sample) noexcept {
   const Configuration& c = memory_.active();
   const Quaternion q_VP = c.q_PV.conjugate();
+  // Most units are not turned. Their rotation adds zeros, which change no number but a zero, whose sign they may
+  // change.
+  const bool is_turned = c.q_PV.coeffs() != Quaternion::Identity().coeffs();
+  const auto in_V = [&](const Vector3& v_P) -> Vector3 {
+    const bool has_zero = v_P.x() == 0.0 || v_P.y() == 0.0 || v_P.z() == 0.0;
+    return is_turned || has_zero ? q_VP * v_P : v_P;
+  };
   if (!has_sampled_) {
     has_sampled_ = true;
     since_ = {};
@@ -51,12 +58,12 @@ void Fields::set_sample(const Sample& sample) noexcept {
     last_fix_ = sample.fix();
   else if (is_in(Solution::State::aligning))
     last_fix_.reset();
-  sample_.rate = q_VP * (sample.rate - c.gyro_bias);
-  sample_.specific_force = q_VP * (sample.specific_force - c.accelerometer_bias);
-  sample_.magnetic_field = q_VP * requests_.aids.compensated(sample.magnetic_field);
+  sample_.rate = in_V(sample.rate - c.gyro_bias);
+  sample_.specific_force = in_V(sample.specific_force - c.accelerometer_bias);
+  sample_.magnetic_field = in_V(requests_.aids.compensated(sample.magnetic_field));
   sample_.q_LP = sample.q_LP * c.q_PV;
-  sample_.delta_angle = q_VP * (sample.delta_angle - c.gyro_bias / internal_hz);
-  sample_.delta_velocity = q_VP * (sample.delta_velocity - c.accelerometer_bias / internal_hz);
+  sample_.delta_angle = in_V(sample.delta_angle - c.gyro_bias / internal_hz);
+  sample_.delta_velocity = in_V(sample.delta_velocity - c.accelerometer_bias / internal_hz);
   if (!filter_began_ && has_pulse(sample.time)) filter_began_ = sample.time;
   Since& since = since_[slot_of(sensor)];  // no other set has increments
   since.delta_angle += sample_.delta_angle;
