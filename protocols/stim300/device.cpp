@@ -86,8 +86,10 @@ class Stim300Device final : public Device {
     const DeviceTime now = sample.time;
     advance(now, out);
     measure_raw();
-    raw_ = sample;
-    if (!is_external()) measure_raw();
+    if (is_external())
+      raw_ = sample;
+    else
+      measure(sample);
     grid_ = now;
     if (!is_running(now))
       measured_.begin_sums();
@@ -281,8 +283,11 @@ class Stim300Device final : public Device {
     slot_ = std::max(next_instant(now) + samples_per_slot() * internal_step, next_instant(busy_until_ - own_latency));
   }
 
+  void measure(const Sample& sample) noexcept {
+    measured_.add(sample, valid_at_.has_value(), g_sensitivity_, memory_);
+  }
   void measure_raw() noexcept {
-    if (raw_) measured_.add(*raw_, valid_at_.has_value(), g_sensitivity_, memory_);
+    if (raw_) measure(*raw_);
     raw_.reset();
   }
 
@@ -343,7 +348,7 @@ class Stim300Device final : public Device {
   DeviceTime busy_until_;   // until when the UART is sending
   std::optional<DeviceTime> valid_at_;      // end of the status "start-up"; nullopt: it has ended
   std::optional<DeviceTime> special_sent_;  // the newest special datagram that was sent without a sample
-  std::optional<Sample> raw_;               // the newest sample, until it is compensated
+  std::optional<Sample> raw_;               // with an external trigger the newest sample, until it is compensated
   std::optional<DeviceTime> triggered_, triggered_last_, pps_;
   std::optional<Pulse> pulse_;
   Matrix3 g_sensitivity_ = Matrix3::Zero();  // of the gyros, by their calibration
