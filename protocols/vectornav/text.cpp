@@ -2,12 +2,12 @@
 #include <algorithm>
 #include <array>
 #include <boost/crc.hpp>
-#include <charconv>
 #include <cmath>
 #include <cstdio>
 #include <cstring>
 
 #include "protocols/vectornav/vectornav.hpp"
+#include "protocols/wire/fixed_text.hpp"
 
 namespace imud::vectornav {
 
@@ -96,9 +96,7 @@ Message& Message::put(std::string_view text) noexcept {
 }
 Message& Message::put(double number, const Digits& digits) noexcept {
   std::array<char, 352> text;  // the largest number has 309 digits before its point
-  const char* const end = std::to_chars(text.data(), text.data() + text.size(), std::abs(number),
-                                        std::chars_format::fixed, digits.decimals)
-                              .ptr;
+  const char* const end = write_fixed(text.data(), text.data() + text.size(), std::abs(number), digits.decimals).ptr;
   const std::string_view magnitude(text.data(), static_cast<std::size_t>(end - text.data()));
   const std::string_view sign = std::signbit(number) ? "-" : digits.has_plus ? "+" : "";
   put(",").put(sign);

@@ -7,6 +7,7 @@
 
 #include "protocols/frames/layout/frame_element.hpp"
 #include "protocols/frames/layout/frame_parts.hpp"
+#include "protocols/wire/fixed_text.hpp"
 #include "protocols/wire/number_text.hpp"
 
 namespace imud {
@@ -313,7 +314,7 @@ std::size_t TextFormat::write(double number, char* out, bool& is_saturated) cons
       end = std::to_chars(digits, std::end(digits), std::abs(limited), std::chars_format::scientific, decimals_).ptr;
       break;
     default:
-      end = std::to_chars(digits, std::end(digits), std::abs(limited), std::chars_format::fixed, decimals_).ptr;
+      end = write_fixed(digits, std::end(digits), std::abs(limited), decimals_).ptr;
   }
   return pad(limited < 0, {digits, end}, out);
 }
