@@ -182,6 +182,9 @@ struct TruthFormat {
   // The address of that port, after the transport's name. A format that sends first needs its simulator's. Empty:
   // any.
   std::string_view example_port = {};
+  // Name the quantities of a position and of a velocity, in a format whose simulator may leave these out. Empty:
+  // "positions", "velocities".
+  std::string_view position_from = {}, velocity_from = {};
 };
 
 // Returns the word for `result` in summaries and logs: "short", "crc", ...; "" for ok.

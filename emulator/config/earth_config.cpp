@@ -111,7 +111,11 @@ std::string earth_text(const TruthConfig& truth) {
                              ? "where the truth has it"
                              : fmt::format("{:.6f} deg from its x axis", degrees(earth.angle)));
     case EarthFrame::automatic:
-      if (has_angle) return "the truth has places on the Earth";
+      if (has_angle)
+        return truth.format->columns.empty()
+                   ? "the truth has places on the Earth"
+                   : "the truth has places on the Earth, if it has positions and velocities (imud list " +
+                         std::string(truth.format->name) + ")";
       if (truth.frame.kind == Kind::unknown)
         return "places, magnetic field and pressure are known if the truth has latitude and longitude or a position "
                "relative to the Earth, or with [earth] frame = \"local\" and a place";

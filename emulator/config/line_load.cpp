@@ -157,6 +157,13 @@ bool carries_place(const ImuConfig& imu) {
   return bytes.empty() || bytes != bytes_of(sample_at_place());
 }
 
+// Nothing is known of other formats: an interchange format carries everything, whether the user wants it or not.
+bool needs_place(const ImuConfig& imu) {
+  if (imu.settings.frames() != nullptr) return carries_place(*imu.settings.frames());
+  if (imu.protocol->solves != nullptr && imu.protocol->solves(imu.settings) != Solves::nothing) return true;
+  return imu.protocol->product != nullptr && imu.protocol->product(imu.settings).magnetometer.max < TriadErrors{}.max;
+}
+
 bool carries_status(const ImuConfig& imu, std::uint32_t bits) {
   struct Sink final : MeasurementSink {
     void on_measurement(const Measurement& measurement) override {

@@ -21,6 +21,9 @@ Sample typical_sample();
 bool carries_status(const ImuConfig& imu, std::uint32_t bits);
 // Returns false if the imu's protocol never sends a value that depends on place, magnetic field or pressure.
 bool carries_place(const ImuConfig& imu);
+// Returns true if the imu is known to measure a magnetic field or a pressure, or to have a receiver, and to send it.
+// The imu must be valid.
+bool needs_place(const ImuConfig& imu);
 // Returns false if an error of the stamps changes no byte of what the imu sends with its settings. A product whose
 // protocol can have the time counts as if it had it. The imu's protocol must be valid.
 bool carries_stamp(const ImuConfig& imu);

@@ -346,6 +346,7 @@ Config read_config(ConfigText text, const std::string& path, const std::string& 
   std::vector<std::string> all_faults = faults.all();
   all_faults.insert(all_faults.end(), of_scenarios.begin(), of_scenarios.end());
   if (!all_faults.empty()) throw ConfigError(all_faults);
+  config.truth.is_place_needed = std::ranges::any_of(config.imus, needs_place);
   config.warnings = faults.warnings();
   table.resolve("imu", std::move(resolved_imus));
   config.resolved = [table = std::make_shared<const toml::table>(std::move(resolved))] { return toml_text(*table); };

@@ -34,6 +34,7 @@ class Remark {
 struct TruthRemarks {
   Remark columns;                                 // columns that nothing reads
   Remark no_force;                                // truth without specific force and accumulated velocity
+  Remark no_place;                                // truth without places, which an imu needs
   Remark far_from_earth;                          // positions at which the model of gravitation is not valid
   Remark time_unit;                               // times that are not nanoseconds
   Remark senders;                                 // two simulators at one port
@@ -45,10 +46,10 @@ struct TruthRemarks {
   std::array<Remark, BoundsWatch::kinds> excess;  // numbers and steps beyond truth.max_*
 
   // In the order in which the log reports them.
-  std::array<const Remark*, 10 + BoundsWatch::kinds> all() const noexcept {
-    std::array<const Remark*, 10 + BoundsWatch::kinds> all = {&content,   &columns,    &no_force, &far_from_earth,
-                                                              &time_unit, &last_line,  &senders,  &place,
-                                                              &date,      &noisy_poses};
+  std::array<const Remark*, 11 + BoundsWatch::kinds> all() const noexcept {
+    std::array<const Remark*, 11 + BoundsWatch::kinds> all = {&content,        &columns,   &no_force,   &no_place,
+                                                              &far_from_earth, &time_unit, &last_line,  &senders,
+                                                              &place,          &date,      &noisy_poses};
     for (std::size_t i = 0; i < excess.size(); ++i) all[all.size() - excess.size() + i] = &excess[i];
     return all;
   }

@@ -69,6 +69,7 @@ struct TruthConfig {
   TruthFrame frame;                     // as far as the format and its settings determine it
   EarthModel earth;                     // the Earth of every imu
   bool is_earth_angle_given = false;    // by the key; otherwise it is the truth's, or the start's
+  bool is_place_needed = false;         // an imu measures a magnetic field, pressure or headings, or has a receiver
   TruthBounds bounds;                   // the probable limits of the truth
   Vector3 r_RB_B = Vector3::Zero();     // m; the point whose motion the truth gives. The imus' lever arms begin there
 };

@@ -77,6 +77,28 @@ std::size_t PlaceWatch::describe_place(const Truth& truth, std::span<char> room)
   return 0;
 }
 
+std::size_t PlaceWatch::describe_no_place(const Truth& truth, const TruthFormat& format,
+                                          std::span<char> room) const noexcept {
+  const std::string_view position = truth.has_position             ? ""
+                                    : format.position_from.empty() ? "positions"
+                                                                   : format.position_from;
+  const std::string_view velocity = truth.has_velocity             ? ""
+                                    : format.velocity_from.empty() ? "velocities"
+                                                                   : format.velocity_from;
+  const std::string_view and_field =
+      truth.has_magnetic_field ? "" : "magnetometers measure 0, the headings of a unit's filter drift, ";
+  const std::string_view and_pressure = truth.has_pressure ? "" : "barometers measure 0, ";
+  if (has_pose(truth))
+    return write_remark(
+        room,
+        "has positions and velocities, but nothing that relates them to the Earth, so there is no place: "
+        "{}{}receivers have no fix; give earth.frame = \"local\" with latitude_deg and longitude_deg, or "
+        "\"inertial\"; \"none\" if that is meant",
+        and_field, and_pressure);
+  return write_remark(room, "has no {}{}{}, so there is no place: {}{}receivers have no fix; add them", position,
+                      position.empty() || velocity.empty() ? "" : " and no ", velocity, and_field, and_pressure);
+}
+
 std::size_t PlaceWatch::describe_date(const Truth& truth, std::span<char> room) const noexcept {
   constexpr std::int64_t tolerance_ns = 1'000'000'000;
   const bool has_place =

@@ -295,6 +295,8 @@ TruthIntake::Outcome TruthIntake::admit(TruthTime watermark) noexcept {
     if (counters_.accepted == 1 || admission == Admission::new_run) remark_place();
     remark_excess(admission == Admission::accepted);
   }
+  if (place_.lacks_place(truth_)) [[unlikely]]
+    remark_no_place();
   if (!truth_.has_specific_force && truth_.accumulated_dv == AccumulatedDv::none) [[unlikely]]
     remark_no_force();
   if (truth_.is_force_derived && needs_earth_ && !is_near_earth(truth_.r_BN_N)) [[unlikely]]

@@ -88,6 +88,7 @@ class TruthIntake {
   void remark_far_from_earth() noexcept;
   void remark_step(Nanoseconds step) noexcept;
   void remark_place() noexcept;
+  void remark_no_place() noexcept;
   void remark_excess(bool follows) noexcept;
   void remark_last_line() noexcept;
   void watch_senders() noexcept;

@@ -31,6 +31,11 @@ void TruthIntake::remark_place() noexcept {
   counters_.remarks.date.set([&](std::span<char> room) { return place_.describe_date(truth_, room); });
 }
 
+void TruthIntake::remark_no_place() noexcept {
+  counters_.remarks.no_place.set(
+      [&](std::span<char> room) { return place_.describe_no_place(truth_, format_, room); });
+}
+
 void TruthIntake::remark_excess(bool follows) noexcept {
   const auto excess = bounds_.check(truth_, follows);
   if (!excess) [[likely]]

@@ -184,6 +184,8 @@ extern constexpr TruthFormat csv_truth_format = {
     .make = make,
     .force_from = "the columns nonConservativeAccelpntB_B_x to _z, or TotalAccumDV_BN_B_x to _z",
     .maps_quantities = true,
+    .position_from = "the columns r_BN_N_x, r_BN_N_y, r_BN_N_z",
+    .velocity_from = "the columns v_BN_N_x, v_BN_N_y, v_BN_N_z",
 };
 
 }  // namespace imud

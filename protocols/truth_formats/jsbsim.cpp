@@ -59,8 +59,14 @@ constexpr ColumnGroup column_groups[] = {
     group(inertial_rate, 3, "rate of B relative to inertial space, rad/s", ColumnGroup::one_of),
     group(earth_relative_rate, 3, "rate of B relative to the Earth, whose rotation is added, rad/s",
           ColumnGroup::one_of),
-    group(position_ft, 3, "position of the centre of gravity, ft", ColumnGroup::optional),
-    group(velocity_fps, 3, "velocity of the centre of gravity, ft/s", ColumnGroup::optional),
+    group(position_ft, 3,
+          "position of the centre of gravity, ft; needed, with the velocity, for place, magnetic field, pressure and "
+          "GNSS",
+          ColumnGroup::optional),
+    group(velocity_fps, 3,
+          "velocity of the centre of gravity, ft/s; needed, with the position, for place, magnetic field, pressure "
+          "and GNSS",
+          ColumnGroup::optional),
     group(angular_acceleration, 3, "angular acceleration, rad/s^2", ColumnGroup::optional),
     group(specific_force_ft, 3, "specific force at the pilot's eye point, ft/s^2", ColumnGroup::optional),
 };
@@ -112,6 +118,8 @@ extern constexpr TruthFormat jsbsim_truth_format = {
     .columns = column_groups,
     .make = make_as<TruthDecoder, JsbsimTruthDecoder>,
     .force_from = "the properties accelerations/a-pilot-x-ft_sec2 to a-pilot-z-ft_sec2",
+    .position_from = "position/eci-x-ft, eci-y-ft, eci-z-ft",
+    .velocity_from = "velocities/eci-x-fps, eci-y-fps, eci-z-fps",
 };
 
 }  // namespace imud
