@@ -30,6 +30,7 @@
 
 #include "core/units.hpp"
 #include "emulator/ground/text_file.hpp"
+#include "emulator/init/data_folders.hpp"
 #include "transports/file_descriptor.hpp"
 #include "transports/port.hpp"
 
@@ -102,11 +103,9 @@ class Child {
   int status_ = 0;
 };
 
-// Returns the folder that has the files: share/imud beside the program's own folder, or the source tree around a
-// build.
-fs::path data_folder(const fs::path& program) {
-  const fs::path beside = program.parent_path().parent_path();
-  const std::array<fs::path, 2> places = {beside / "share/imud", beside.parent_path()};
+// Returns the folder that has the files.
+fs::path data_folder() {
+  const std::array<fs::path, 2> places = data_folders();
   for (const fs::path& place : places)
     if (fs::exists(place / flight) && fs::exists(place / configuration)) return place;
   throw OpenError(
@@ -183,7 +182,7 @@ int demo(const DemoOptions& options) {
   using namespace std::chrono_literals;
   const fs::path program = fs::read_symlink("/proc/self/exe");
   const std::string decoder = program.parent_path() / "imu-decode";
-  const fs::path data = data_folder(program);
+  const fs::path data = data_folder();
   const Folder folder;
   const std::string port = pty_at(folder / "imu1");
   const std::string summary = folder / "summary", log = folder / "log", report = folder / "report";

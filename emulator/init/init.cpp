@@ -87,7 +87,7 @@ void print_next(const InitOptions& options, const ChosenProduct& product, const 
   else
     fmt::print("The flight computer is the client, at the other end of {}.\n", options.port);
   if (!truth.remark.empty()) fmt::print("{}\n", truth.remark);
-  if (!truth.start.empty()) fmt::print("and, while imud runs, start {}\n", truth.start);
+  if (!truth.start.empty()) fmt::print("While imud runs, start: {}\n", truth.start);
 }
 
 }  // namespace

@@ -12,6 +12,7 @@
 #include "emulator/config/config_parts.hpp"
 #include "emulator/ground/table_reader.hpp"
 #include "emulator/ground/text_file.hpp"
+#include "emulator/init/data_folders.hpp"
 #include "emulator/init/example.hpp"
 #include "protocols/truth_format.hpp"
 #include "transports/port.hpp"
@@ -19,7 +20,7 @@
 namespace imud {
 namespace {
 
-constexpr std::string_view start_mark = "# start: ", place_mark = "# place: inertial\n";
+constexpr std::string_view start_mark = "# start: ", file_mark = "# file: ", place_mark = "# place: inertial\n";
 
 // Returns the rest of the line that begins at `at`.
 std::string_view line_at(std::string_view text, std::size_t at) {
@@ -31,8 +32,21 @@ std::string with_number(std::string_view text, const std::string& old, const std
   return std::regex_replace(std::string(text), std::regex("\\b" + old + "\\b"), number);
 }
 
-// Returns the text with another truth.port, and its number in what to start.
-ChosenTruth with_port(ChosenTruth truth, const std::string& port) {
+// Returns the text with the paths of files that imud brings along, as they are on this machine.
+std::string with_paths(std::string_view text) {
+  static const std::regex path("tools/bridges/[\\w/.]+");
+  const std::string all(text);
+  std::string out;
+  auto end = all.cbegin();
+  for (std::sregex_iterator match(all.begin(), all.end(), path), none; match != none; ++match) {
+    out.append(end, (*match)[0].first).append(data_path(match->str()));
+    end = (*match)[0].second;
+  }
+  return out.append(end, all.cend());
+}
+
+// Returns the text with another truth.port, and its number in what to start, or the advice to change it in `file`.
+ChosenTruth with_port(ChosenTruth truth, const std::string& port, const std::string& file = {}) {
   static const std::regex given("(\n|^)(port +=|port =) \"([^\"]*)\"");
   std::smatch match;
   if (port.empty() || !std::regex_search(truth.toml, match, given)) return truth;
@@ -45,8 +59,11 @@ ChosenTruth with_port(ChosenTruth truth, const std::string& port) {
   const std::size_t digits = address.find_last_not_of("0123456789") + 1;
   const std::string text = is_number ? old.substr(0, begin) + port : port;
   truth.toml.replace(static_cast<std::size_t>(match.position(3)), old.size(), text);
-  if (!number.empty() && digits < address.size())
+  if (!number.empty() && digits < address.size() && file.empty())
     truth.start = with_number(truth.start, number, address.substr(digits));
+  else if (!file.empty() && digits < address.size() && address.substr(digits) != number)
+    truth.start += fmt::format(" (copy {} and set its port to {}; it has {})", file.substr(file.rfind('/') + 1),
+                               address.substr(digits), number);
   return truth;
 }
 
@@ -97,6 +114,11 @@ std::string_view Simulator::start() const noexcept {
   return line_at(text, text.find(start_mark) + start_mark.size());
 }
 
+std::string_view Simulator::file() const noexcept {
+  const std::size_t at = text.find(file_mark);
+  return at == text.npos ? std::string_view() : line_at(text, at + file_mark.size());
+}
+
 bool Simulator::is_inertial() const noexcept { return text.find(place_mark) != text.npos; }
 
 std::string_view Simulator::toml() const noexcept {
@@ -108,12 +130,11 @@ std::string_view Simulator::toml() const noexcept {
 ChosenTruth choose_truth(const std::string& from, const std::string& port) {
   for (const Simulator& simulator : simulators())
     if (simulator.name == from)
-      return with_port({fmt::format("# {}\n{}", simulator.summary(), simulator.toml()),
-                        std::string(simulator.start()), simulator.is_inertial()},
-                       port);
+      return with_port({fmt::format("# {}\n{}", simulator.summary(), simulator.toml()), with_paths(simulator.start()),
+                        simulator.is_inertial()},
+                       port, std::string(simulator.file()));
   if (const TruthFormat* format = find_truth_format(from))
-    return with_port({truth_text(*format), fmt::format("the simulator, which sends {}", format->summary), false},
-                     port);
+    return with_port({truth_text(*format), fmt::format("the simulator that sends {}", format->summary), false}, port);
   std::error_code none;
   const Transport* transport = transport_of(from);
   if (std::filesystem::is_regular_file(from, none) || (transport != nullptr && transport->ends)) {

@@ -11,13 +11,15 @@
 namespace imud {
 
 // A file of emulator/simulators, which CMake builds in: a comment with the simulator's name and way, the comment
-// "start: " with what to start, optionally "place: inertial" if its N is not Earth-fixed, then TOML.
+// "start: " with what to start, optionally "file: " with the file in which the port stands that it sends to, and
+// "place: inertial" if its N is not Earth-fixed, then TOML.
 struct Simulator {
   std::string_view name;
   std::string_view text;
 
   std::string_view summary() const noexcept;
   std::string_view start() const noexcept;
+  std::string_view file() const noexcept;  // empty: there is none
   bool is_inertial() const noexcept;
   std::string_view toml() const noexcept;
 };

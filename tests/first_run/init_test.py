@@ -77,7 +77,7 @@ class ProductsAndSimulators(InFolder):
             for product in ("stim300", "vn-300", "dronecan", "csv"):
                 port = "can:can0" if product == "dronecan" else "udp:127.0.0.1:9820" if product == "csv" else "pty:imu1"
                 made, printed = self.accepted(product, "--port", port, "--from", simulator)
-                self.assertIn("while imud runs, start ", printed)
+                self.assertIn("While imud runs, start: ", printed)
                 if simulator in NAMES:
                     stated = tomllib.loads((SIMULATORS / f"{simulator}.toml").read_text())
                     self.assertEqual(made["truth"], stated["truth"])
@@ -115,6 +115,15 @@ class Options(InFolder):
         made, printed = self.accepted("stim300", "--port", "pty:a", "--from", "gazebo", "--truth", "udp:0.0.0.0:777")
         self.assertEqual(made["truth"]["port"], "udp:0.0.0.0:777")
         self.assertIn("gazebo_to_imud.py --port 777\n", printed)
+        # Of a file that imud brings along, the path and the port: a copy has to name another one.
+        for name, number, file in (("jsbsim", "5140", "jsbsim/imud_output.xml"), ("42", "10001", "nasa_42/Inp_IPC.txt")):
+            for given, advice in (((), ""), (("--truth", number), ""),
+                                  (("--truth", "5141"), f" (copy {file.split('/')[1]} and set its port to 5141; it has {number})")):
+                _, printed = self.accepted("stim300", "--port", "pty:a", "--from", name, *given)
+                start = printed.split("While imud runs, start: ")[1].splitlines()[0]
+                self.assertIn(f"{SOURCE}/tools/bridges/{file}", start)
+                self.assertEqual(re.findall(r" \(copy.*", start), [advice] if advice else [], start)
+                self.assertNotIn(number, re.sub(r" \(copy.*", "", start))
         self.assertIn("no number", self.imud("init", "stim300", "--port", "pty:a", "--from", "tum", "--truth", "5").stderr)
 
     def test_place(self):
@@ -137,7 +146,7 @@ class Options(InFolder):
             made, printed = self.accepted("stim300", "--port", "file:imu.bin", "--from", name)
             self.assertEqual(made["truth"]["format"], format)
             self.assertIn(f"fit the truth format {format}:", printed)
-            self.assertNotIn("while imud runs", printed)
+            self.assertNotIn("While imud runs", printed)
         (self.folder / "noise.pcap").write_bytes(bytes(range(256)))
         refused = self.imud("init", "stim300", "--port", "file:imu.bin", "--from", "noise.pcap", "--output", "no.toml")
         self.assertEqual((refused.returncode, (self.folder / "no.toml").exists()), (2, False), refused.stderr)
@@ -173,7 +182,7 @@ class Options(InFolder):
         _, printed = self.accepted("VN-100", "--port", f"pty:{self.folder}/imu1", "--from", "imu-truth", "--truth", "0")
         check, run, client = re.findall(r"^  (.*?)    #", printed, re.MULTILINE)
         self.assertEqual((check, run), ("imud check imud.toml", "imud run imud.toml"))
-        start = printed.split("while imud runs, start ")[1].strip()
+        start = printed.split("While imud runs, start: ")[1].strip()
         self.assertEqual(start, "imu-truth coning --to udp:127.0.0.1:0")
 
         def begin(command, **more):
