@@ -19,6 +19,7 @@
 #include <vector>
 
 #include "emulator/config/load_config.hpp"
+#include "emulator/config/presets.hpp"
 #include "emulator/frames/described_protocols.hpp"
 #include "emulator/ground/table_reader.hpp"
 #include "emulator/ground/text_file.hpp"
@@ -29,13 +30,6 @@
 
 namespace imud {
 namespace {
-
-// Returns the units that a protocol has as values of its setting `model`.
-std::span<const std::string_view> units_of(const Protocol& protocol) {
-  for (const Setting& setting : protocol.settings)
-    if (setting.key == "model") return setting.choices;
-  return {};
-}
 
 // Returns a word as a shell takes it.
 std::string shell_word(const std::string& text) {
@@ -72,6 +66,19 @@ void write(const std::string& path, const std::string& text, bool is_forced) {
   if (std::fclose(file) != 0 || !is_written) refuse(errno);
 }
 
+// Returns a remark if imud has no figures of this unit, and its sensors get another one's; otherwise nothing.
+std::string borrowed_errors(const ChosenProduct& product) {
+  if (product.unit.empty()) return {};
+  Settings settings(product.protocol->settings);
+  settings.set_text("model", product.unit);
+  const std::string_view model = default_model(*product.protocol, settings);
+  if (find_preset(std::string(model)) == nullptr || product.unit.starts_with(model)) return {};
+  return fmt::format(
+      "The sensors have the errors of {0}: imud has none of {1} itself. Other errors are chosen by model (imud help "
+      "imu.model).\n",
+      model, product.unit);
+}
+
 // Prints what to do next, for this choice.
 void print_next(const InitOptions& options, const ChosenProduct& product, const ChosenTruth& truth) {
   const std::string file = shell_word(options.output);
@@ -86,11 +93,18 @@ void print_next(const InitOptions& options, const ChosenProduct& product, const 
                port.ends ? "after the run" : "in another terminal");
   else
     fmt::print("The flight computer is the client, at the other end of {}.\n", options.port);
+  fmt::print("{}", borrowed_errors(product));
   if (!truth.remark.empty()) fmt::print("{}\n", truth.remark);
   if (!truth.start.empty()) fmt::print("While imud runs, start: {}\n", truth.start);
 }
 
 }  // namespace
+
+std::span<const std::string_view> units_of(const Protocol& protocol) {
+  for (const Setting& setting : protocol.settings)
+    if (setting.key == "model") return setting.choices;
+  return {};
+}
 
 ChosenProduct choose_product(const std::string& name) {
   const std::string lower = boost::to_lower_copy(name);

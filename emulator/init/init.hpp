@@ -1,7 +1,9 @@
 // The command `imud init`: a configuration for a product, a port and a simulator.
 #pragma once
 
+#include <span>
 #include <string>
+#include <string_view>
 
 #include "protocols/protocol.hpp"
 
@@ -28,6 +30,9 @@ const CLI::App* add_init_command(CLI::App& app, InitOptions& options);
 // input and output are a terminal. Returns the exit code. Throws OpenError if something is missing or wrong,
 // PortError or ConfigError if `imud check` would refuse the configuration; nothing is written then.
 int init(InitOptions options);
+
+// Returns the units that a protocol has as values of its setting `model`; empty: it has one.
+std::span<const std::string_view> units_of(const Protocol& protocol);
 
 // A product by one of its names.
 struct ChosenProduct {

@@ -82,7 +82,10 @@ std::vector<Answer> ports_for(const Protocol& protocol) {
 
 void ask(InitOptions& options) {
   if (options.product.empty()) {
-    const std::vector<std::string> names = protocol_names();
+    std::vector<std::string> names = protocol_names();
+    for (std::string& name : names)
+      if (const Protocol* protocol = find_protocol(name); protocol != nullptr && !units_of(*protocol).empty())
+        name += fmt::format(" ({})", fmt::join(units_of(*protocol), ", "));
     fmt::print("{}\n", fmt::join(names, " "));
     ask_for(options.product, "product", {}, "", [](const std::string& name) { choose_product(name); });
   }

@@ -108,6 +108,14 @@ class ProductsAndSimulators(InFolder):
 
 
 class Options(InFolder):
+    def test_errors_of_another_unit_are_named(self):
+        for unit, model in (("vn-100", None), ("vn-200", "vn-100"), ("vn-300", "vn-100"), ("3dm-gx5-25", None), ("3dm-gx5-45", "3dm-gx5-25"),
+                            ("3dm-gq7", "3dm-cv7"), ("3dm-cv7-ahrs", None), ("openimu300ri", None),
+                            ("stim300", None)):
+            _, printed = self.accepted(unit, "--port", port_of(units().get(unit, unit)), "--from", "jsbsim")
+            self.assertEqual(re.findall(r"^The sensors have the errors of (.*): imud has none of (.*) itself", printed, re.MULTILINE),
+                             [(model, unit)] if model else [])
+
     def test_another_port_of_the_truth(self):
         made, printed = self.accepted("stim300", "--port", "pty:a", "--from", "imu-truth", "--truth", "5555")
         self.assertEqual(made["truth"]["port"], "udp:127.0.0.1:5555")
@@ -261,6 +269,7 @@ class AtATerminal(InFolder):
                                          ("simulator", "jsbsim\n"), ("its port", "5141\n"), ("place", "nowhere\n"),
                                          ("place", "47.26,11.35\n")])
         self.assertEqual(code, 0, output)
+        self.assertIn(" vectornav (vn-100, vn-200, vn-300) ", seen[0].replace("\r\n", " "))
         self.assertIn('did you mean "stim300"?', seen[1])
         rows = re.findall(r"^ +\d+  (\S+)", seen[2], re.MULTILINE)
         self.assertEqual(rows[:3], ["serial:/dev/serial/by-id/usb-FTDI_bench", "serial:/dev/ttyACM0", "serial:/dev/ttyS0"])
