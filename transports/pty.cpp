@@ -7,6 +7,7 @@
 #include <array>
 #include <cerrno>
 #include <cstring>
+#include <filesystem>
 #include <optional>
 
 #include "transports/byte_writer.hpp"
@@ -314,15 +315,25 @@ class PtyDevice final : public Port {
   std::array<std::byte, UartWire::max_received * ByteWriter::max_frame + 1> garbage_;
 };
 
+// Returns the path from the root of the file system.
+std::string whole_path(const std::string& path) {
+  std::error_code unknown;
+  return std::filesystem::absolute(path, unknown).lexically_normal().string();
+}
+
 // The client's end of a terminal that another process serves.
 class PtyListener final : public Port {
  public:
   explicit PtyListener(const PortSpec& spec) {
     tty_.reset(::open(spec.address.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
     if (!tty_)
-      throw spec.error(
-          fmt::format("cannot open it: {}{}", std::strerror(errno),
-                      errno == ENOENT || errno == EIO ? "; is the process running that serves it?" : ""));
+      throw spec.error(fmt::format(
+          "cannot open it: {}{}", std::strerror(errno),
+          errno == ENOENT || errno == EIO
+              ? fmt::format(
+                    "; is the process running that serves it? It was looked for at {}{}", whole_path(spec.address),
+                    spec.address.starts_with('/') ? "" : "; give an absolute path, or start in the folder of the run")
+              : ""));
     if (!make_raw(tty_.get())) throw spec.error("is not a terminal");
     if (const auto baud = spec.integer(baud_option)) set_line_speed(tty_.get(), static_cast<unsigned>(*baud));
   }

@@ -284,6 +284,7 @@ TEST(ImuDecode, WrongCommandLineIsReported) {
       {{}, "PROTOCOL"},
       {{"native"}, "PORT"},
       {{"nativ", file}, "there is no protocol 'nativ'; did you mean 'native'? --help lists all\n"},
+      {{"vn-200", file}, "vn-200 is a product of the protocol vectornav; give vectornav file:"},
       {{"native", "nonsense"}, "no scheme"},
       {{"native", "floppy:a"}, "there is no transport 'floppy'"},
       {{"native", "can:can0"}, "native needs a port for bytes; can: carries CAN frames"},

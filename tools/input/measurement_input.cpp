@@ -69,6 +69,12 @@ const Protocol& protocol_for(const DecodeOptions& options) {
   if (protocol == nullptr) {
     std::vector<std::string> names = protocol_names();
     for (const Protocol* one : log_formats()) names.emplace_back(one->name);
+    for (const Protocol* one : protocols())
+      for (const Setting& setting : one->settings)
+        if (setting.key == "model" && std::ranges::find(setting.choices, options.protocol) != setting.choices.end())
+          throw std::invalid_argument(
+              fmt::format("{0} is a product of the protocol {1}; give {1} {2} --set model={0}", options.protocol,
+                          one->name, options.port.empty() ? "PORT" : options.port));
     const std::string meant = nearest(options.protocol, names);
     throw std::invalid_argument(fmt::format("there is no protocol '{}'; {}--help lists all", options.protocol,
                                             meant.empty() ? "" : fmt::format("did you mean '{}'? ", meant)));
