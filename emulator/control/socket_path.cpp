@@ -200,9 +200,10 @@ std::string none_text(const Instances& found, const std::string& name) {
       return fmt::format("{} does not run: it was killed, and has left {}, which the next run removes", name,
                          one.path);
   if (found.running.empty()) {
-    std::string text =
-        "no imud of this user runs that can be controlled: start one by imud run, without [control] socket = "
-        "\"none\"";
+    std::string text = fmt::format(
+        "no imud of this user runs that can be controlled{}: start one by imud run, without [control] socket = "
+        "\"none\"; imud status shows those that run",
+        name.empty() ? "" : ", so that none is named " + name);
     if (!found.killed.empty()) text += fmt::format("; killed were: {}", names_text(found.killed));
     return text;
   }
