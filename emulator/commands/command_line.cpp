@@ -293,9 +293,14 @@ int execute(int argc, const char* const* argv) {
     return 2;
   }
   try {
-    std::reverse(given.begin(), given.end());  // as CLI11 takes a vector
-    app.parse(given);
+    app.parse(std::vector<std::string>(given.rbegin(), given.rend()));  // as CLI11 takes a vector
   } catch (const CLI::ParseError& error) {
+    const auto code = static_cast<CLI::ExitCodes>(error.get_exit_code());
+    if (const std::string fault = unknown_option(app, given);
+        !fault.empty() && (code == CLI::ExitCodes::ExtrasError || code == CLI::ExitCodes::RequiredError)) {
+      fmt::print(stderr, "imud: {}\n", fault);
+      return 2;
+    }
     return app.exit(error) == 0 ? 0 : 2;
   }
   if (arguments.quiet || arguments.verbose) set_up_log(arguments.quiet ? LogLevel::quiet : LogLevel::verbose);

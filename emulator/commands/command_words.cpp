@@ -31,6 +31,30 @@ std::string unknown_command(const CLI::App& app, std::span<const std::string> ar
                      suggestion(given, commands, fmt::format("there are {}", fmt::join(commands, ", "))));
 }
 
+std::string unknown_option(const CLI::App& app, std::span<const std::string> arguments) {
+  const CLI::App* owner = &app;
+  std::string name = "imud";
+  for (; !arguments.empty(); arguments = arguments.subspan(1)) {
+    const auto commands = owner->get_subcommands({});
+    const auto has_name = [&](const CLI::App* one) { return one->get_name() == arguments.front(); };
+    const auto command = std::ranges::find_if(commands, has_name);
+    if (command == commands.end()) break;
+    owner = *command;
+    name += " " + owner->get_name();
+  }
+  for (const std::string& argument : arguments) {
+    if (argument == "--") break;
+    const std::string option = argument.substr(0, argument.find('='));
+    if (option.size() < 2 || option.front() != '-' || owner->get_option_no_throw(option) != nullptr) continue;
+    std::vector<std::string> known;
+    for (const CLI::Option* one : owner->get_options())
+      for (const std::string& text : one->get_lnames()) known.push_back("--" + text);
+    return fmt::format("unknown option {}; {}", option,
+                       suggestion(option, known, fmt::format("{} --help shows all", name)));
+  }
+  return {};
+}
+
 bool is_topic(const CLI::App& app, std::string_view word) {
   const auto commands = app.get_subcommands({});
   return word != "-h" && word != "--help" &&

@@ -19,6 +19,9 @@ std::vector<std::string> command_words(int argc, const char* const* argv);
 // first argument; empty if there is none.
 std::string unknown_command(const CLI::App& app, std::span<const std::string> arguments);
 
+// Returns the fault of the first option that is unknown to the command of `arguments`; empty if there is none.
+std::string unknown_option(const CLI::App& app, std::span<const std::string> arguments);
+
 // Returns true if the word after `help` is neither a command nor a request for help itself.
 bool is_topic(const CLI::App& app, std::string_view word);
 

@@ -6,6 +6,7 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <set>
+#include <tuple>
 
 #include "emulator/config/presets.hpp"
 #include "emulator/frames/described_protocols.hpp"
@@ -31,6 +32,23 @@ TEST(CommandLine, AnUnknownCommandIsNamedWithTheNearest) {
   const auto none = run_program("imud", {"imu.toml"});
   EXPECT_EQ(none.exit_code, 2);
   EXPECT_TRUE(contains(none.errors, "unknown command \"imu.toml\"; there are run, replay, check")) << none.errors;
+}
+
+TEST(CommandLine, AnUnknownOptionIsNamedWithTheNearest) {
+  const std::tuple<std::vector<std::string>, std::string> words[] = {
+      {{"--bogus"}, "imud: unknown option --bogus; imud --help shows all\n"},
+      {{"--versoin"}, "imud: unknown option --versoin; did you mean \"--version\"?\n"},
+      {{"run", "--fro"}, "imud: unknown option --fro; did you mean \"--for\"?\n"},
+      {{"check", "--jsn=1", "x.toml"}, "imud: unknown option --jsn; did you mean \"--json\"?\n"},
+      {{"list", "--qqqqqq"}, "imud: unknown option --qqqqqq; imud list --help shows all\n"}};
+  for (const auto& [given, fault] : words) {
+    const auto result = run_program("imud", given);
+    EXPECT_EQ(result.exit_code, 2);
+    EXPECT_EQ(result.errors, fault);
+  }
+  // What is no option is refused as before.
+  EXPECT_TRUE(contains(run_program("imud", {"list", "a", "b"}).errors, "not expected: b"));
+  EXPECT_TRUE(contains(run_program("imud", {"replay", "a"}).errors, "CAPTURE is required"));
 }
 
 TEST(CommandLine, HelpIsThatOfTheOption) {
