@@ -243,10 +243,9 @@ int execute(int argc, const char* const* argv) {
   auto* selftest_command = app.add_subcommand("selftest", "Measure the timing that this machine allows");
   bool timing = false;
   double measure_s = 2;
-  selftest_command
-      ->add_flag("--timing", timing,
-                 "Measure wake-ups and writes to the ports (frames are sent), and list improvements")
-      ->required();
+  selftest_command->add_flag("--timing", timing,
+                             "Measure wake-ups and writes to the ports (frames are sent), and list improvements: "
+                             "also without this option");
   selftest_command->add_option("CONFIG", arguments.config,
                                "Configuration, TOML; without it one imu at 1 kHz to a pty");
   with_set(selftest_command);
