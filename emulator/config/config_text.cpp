@@ -70,6 +70,18 @@ bool clear_line(std::string& content, std::uint32_t line) {
   return had_text;
 }
 
+// Returns words for people for a text that has no end in its line; empty for another error.
+std::string open_text(const std::string& content, const toml::parse_error& error) {
+  const auto& [line, column] = error.source().begin;
+  std::size_t begin = 0;
+  for (toml::source_index i = 1; i < line && begin < content.size(); ++i)
+    begin = std::min(content.find('\n', begin), content.size() - 1) + 1;
+  const std::string text = content.substr(begin, std::min(content.find('\n', begin), content.size()) - begin);
+  const bool is_at_end = column > text.size() || text[column - 1] == '\r';
+  if (error.description().find("string") == std::string_view::npos || !is_at_end) return {};
+  return fmt::format("a text is not closed: a quotation mark is missing before the end of the line: {}", text);
+}
+
 // Adds a fault for each error of syntax: the text is read again without the line of the error before, from which a
 // later one may follow. Ends with an error in a line without text, such as a bracket that is missing at the end.
 void add_syntax_faults(std::string content, Faults& faults) {
@@ -82,7 +94,8 @@ void add_syntax_faults(std::string content, Faults& faults) {
     } catch (const toml::parse_error& error) {
       const auto& [line, column] = error.source().begin;
       const std::string word = bare_word(content, line, column);
-      std::string what = word.empty() ? fmt::format("column {}: {}", column, error.description()) : word;
+      std::string what = word.empty() ? open_text(content, error) : word;
+      if (what.empty()) what = fmt::format("column {}: {}", column, error.description());
       const bool has_text = clear_line(content, line);
       if (i > 0 && !has_text) return;
       if (i > 0) what += fmt::format(" (it may follow from line {})", first);

@@ -75,7 +75,9 @@ Settings read_settings(TableReader& table, std::span<const Setting> declared, Ta
         throw std::invalid_argument("give a single value");
       }
     } catch (const std::invalid_argument& error) {
-      (own != nullptr && own->has(setting.key) ? *own : table).fault(setting.key, error.what());
+      std::string_view what = error.what();
+      if (what.starts_with(fmt::format("{}: ", setting.key))) what.remove_prefix(setting.key.size() + 2);
+      (own != nullptr && own->has(setting.key) ? *own : table).fault(setting.key, what);
     }
     if (!names_file(setting)) continue;
     const std::string& name = settings.text(setting.key);
@@ -343,7 +345,7 @@ Config read_config(ConfigText text, const std::string& path, const std::string& 
   std::vector<std::string> of_scenarios;
   read_scenarios(table, scenarios, faults, config, of_scenarios);
   table.finish();
-  std::vector<std::string> all_faults = faults.all();
+  std::vector<std::string> all_faults = faults.by_line();
   all_faults.insert(all_faults.end(), of_scenarios.begin(), of_scenarios.end());
   if (!all_faults.empty()) throw ConfigError(all_faults);
   config.truth.is_place_needed = std::ranges::any_of(config.imus, needs_place);

@@ -9,6 +9,7 @@
 #include <cmath>
 #include <filesystem>
 #include <limits>
+#include <numeric>
 #include <optional>
 #include <system_error>
 
@@ -21,6 +22,15 @@ std::string Faults::text(std::uint32_t line, std::string_view key, std::string_v
   if (file_.empty()) return fmt::format("{}: {}", key, what);
   return line > 0 ? fmt::format("{}:{}: {}: {}", file_, line, key, what)
                   : fmt::format("{}: {}: {}", file_, key, what);
+}
+
+std::vector<std::string> Faults::by_line() const {
+  std::vector<std::size_t> order(all_.size());
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  std::ranges::stable_sort(order, {}, [this](std::size_t i) { return lines_[i]; });
+  std::vector<std::string> sorted;
+  for (const std::size_t i : order) sorted.push_back(all_[i]);
+  return sorted;
 }
 
 // Returns the value of `key`, also where the table spells the key otherwise (is_same_key); nullptr if it is absent.

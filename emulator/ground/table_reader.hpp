@@ -23,8 +23,13 @@ class Faults {
   // `file` is empty if there is none; the texts have no line then.
   explicit Faults(std::string file) : file_(std::move(file)) {}
   // `line` is 0 if the key came from the command line, or is missing.
-  void add(std::uint32_t line, std::string_view key, std::string_view what) { all_.push_back(text(line, key, what)); }
+  void add(std::uint32_t line, std::string_view key, std::string_view what) {
+    all_.push_back(text(line, key, what));
+    lines_.push_back(line);
+  }
   const std::vector<std::string>& all() const { return all_; }
+  // Returns all in the order of their lines; those without a line are first.
+  std::vector<std::string> by_line() const;
   // Adds a warning: the file is valid, but probably not as intended.
   void warn(std::uint32_t line, std::string_view key, std::string_view what) {
     warnings_.push_back(text(line, key, what));
@@ -38,6 +43,7 @@ class Faults {
 
   std::string file_;
   std::vector<std::string> all_;
+  std::vector<std::uint32_t> lines_;  // of all_
   std::vector<std::string> warnings_;
 };
 
