@@ -21,15 +21,16 @@ constinit const Setting declared_settings[11] = {
     integer_setting("uart", "number of the UART at port; the other one is at second_port", 1, 1, 2),
     integer_setting("baud", "register 5: speed of both UARTs, bit/s", 115200, 9600, 921600),
     integer_setting("async_type",
-                    "register 6 of the UART at port: number of the text message that is streamed; 0: none", 14, 0,
-                    34),
+                    "register 6 of the UART at port: number, as in VectorNav's manual, of the text message that is "
+                    "streamed; 14: VNYMR, attitude, magnetic field, acceleration and rate; 0: none",
+                    14, 0, 34),
     integer_setting("async_hz", "register 7 of the UART at port: text messages per second, Hz; 0: none", 40, 0, 200),
     integer_setting("second_async_type", "async_type of the UART at second_port", 14, 0, 34),
     integer_setting("second_async_hz", "async_hz of the UART at second_port", 40, 0, 200),
     text_setting(
         "binary_1",
-        "register 75: binary output 1 in the register's format, such as \"1,16,01,0029\"; its first number is "
-        "1 or 2 for a UART, 3 for both",
+        "register 75: binary output 1: UART (1, 2, or 3 for both), divisor of the sensor's rate, groups and their "
+        "fields in hexadecimal; \"1,16,01,0029\" is time, attitude and rate at 50 Hz (VN-300: 25 Hz)",
         ""),
     text_setting("binary_2", "register 76: binary output 2", ""),
     text_setting("binary_3", "register 77: binary output 3", ""),
