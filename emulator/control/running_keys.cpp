@@ -66,7 +66,9 @@ constexpr RunningKey accelerometer_bias(std::string_view key) {
 }
 
 constexpr RunningKey delay = [] {
-  RunningKey key = number(keys::delay, "the delay of live truth, or \"auto\"; slewed", Kind::delay);
+  RunningKey key = number(
+      keys::delay, "the delay of live truth, or \"auto\"; it changes gradually, by 0.2 % of the time that passes",
+      Kind::delay);
   key.automatic = keys::automatic;
   key.refusal = needs_live_truth;
   return key;

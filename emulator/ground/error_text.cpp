@@ -21,11 +21,11 @@ std::string TriadTerms::text() const {
     else
       parts.push_back(fmt::format("{} [{:.4g}, {:.4g}, {:.4g}] {}", name, x, y, z, unit.name));
   };
-  add("N", N, std::mem_fn(&AllanTerms::N));
-  add("B", B, std::mem_fn(&AllanTerms::B));
-  add("K", K, std::mem_fn(&AllanTerms::K));
-  add("Q", Q, std::mem_fn(&AllanTerms::Q));
-  add("R", R, std::mem_fn(&AllanTerms::R));
+  add("random walk N", N, std::mem_fn(&AllanTerms::N));
+  add("bias instability B", B, std::mem_fn(&AllanTerms::B));
+  add("bias random walk K", K, std::mem_fn(&AllanTerms::K));
+  add("quantization noise Q", Q, std::mem_fn(&AllanTerms::Q));
+  add("bias ramp R", R, std::mem_fn(&AllanTerms::R));
   if (std::ranges::any_of(axes, [](const AllanTerms& axis) { return axis.B > 0; }))
     add("minimum", B, std::mem_fn(&AllanTerms::minimum));
   return fmt::format("{}", fmt::join(parts, ", "));

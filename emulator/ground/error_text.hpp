@@ -23,8 +23,8 @@ struct TriadTerms {
   Matrix3 g_sensitivity = Matrix3::Zero();
   ConstantErrors unit_sigma = {}, turn_on_sigma = {};
 
-  // Returns for example "N 0.15 deg/sqrt(h), B 0.753 deg/h, minimum 0.5 deg/h"; each axis where they differ; empty if
-  // all are 0. The minimum is told beside B: AllanTerms::minimum().
+  // Returns for example "random walk N 0.15 deg/sqrt(h), bias instability B 0.753 deg/h, minimum 0.5 deg/h"; each
+  // axis where they differ; empty if all are 0. The minimum is told beside B: AllanTerms::minimum().
   std::string text() const;
   // Returns the terms that are constant while power is on, such as "turn-on bias 1800 deg/h, 7 deg/h/g by
   // acceleration, drawn for the unit: scale factor 500 ppm", as the largest of the axes; empty if there is none.

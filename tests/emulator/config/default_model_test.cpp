@@ -253,7 +253,9 @@ TEST_F(DefaultModel, IsInListExampleCheckAndLog) {
   const ProgramResult check = run_program("imud", {"check", path_});
   EXPECT_NE(check.output.find("errors of the model vn-100: VectorNav VN-100"), std::string::npos) << check.output;
   EXPECT_NE(check.output.find("errors of the model white: white noise alone"), std::string::npos) << check.output;
-  EXPECT_NE(check.output.find("gyro noise: N 0.21 deg/sqrt(h), B 15.05 deg/h, minimum 10 deg/h"), std::string::npos)
+  EXPECT_NE(check.output.find(
+                "gyro noise: random walk N 0.21 deg/sqrt(h), bias instability B 15.05 deg/h, minimum 10 deg/h"),
+            std::string::npos)
       << check.output;
 
   const std::string capture = IMUD_TEST_DATA "/captures/jsbsim_c172_10s.pcap?port=5140";

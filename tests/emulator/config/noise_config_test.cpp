@@ -218,9 +218,12 @@ TEST_F(NoiseConfig, TermsAreToldInUnitsOfDataSheets) {
   const std::vector<TriadTerms> terms = triad_terms(m);
   ASSERT_EQ(terms.size(), 2U);
   EXPECT_EQ(terms[0].text(),
-            "N 0.15 deg/sqrt(h), B [0.5, 0.5, 1] deg/h, K 0.02 deg/h/sqrt(h), R 3 deg/h/h, "
+            "random walk N 0.15 deg/sqrt(h), bias instability B [0.5, 0.5, 1] deg/h, "
+            "bias random walk K 0.02 deg/h/sqrt(h), bias ramp R 3 deg/h/h, "
             "minimum [0.3373, 0.3373, 0.6669] deg/h");
-  EXPECT_EQ(terms[1].text(), "N 0.06 m/s/sqrt(h), B 0.05 mg, Q 0.000866 m/s, minimum 0.03321 mg");
+  EXPECT_EQ(terms[1].text(),
+            "random walk N 0.06 m/s/sqrt(h), bias instability B 0.05 mg, quantization noise Q 0.000866 m/s, minimum "
+            "0.03321 mg");
   EXPECT_EQ(triad_terms(model({}))[0].text(), "");
   EXPECT_EQ(terms[0].bias_text(), "");
 }
