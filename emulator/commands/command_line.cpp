@@ -282,7 +282,7 @@ int execute(int argc, const char* const* argv) {
       ->add_option("TOPIC");
   app.footer(
       "Example: imud check imu.toml && imud run imu.toml --for 10\n"
-      "Every key: emulator/CONFIGURATION.md, in the source and, installed, in share/imud");
+      "Every key: imud.toml(5), or emulator/CONFIGURATION.md in the source and, installed, in share/imud");
 
   std::vector<std::string> given = command_words(argc, argv);
   if (given.size() == 2 && std::string_view(argv[1]) == "help" && is_topic(app, argv[2]))

@@ -166,8 +166,10 @@ std::string earth_lines(const std::string& place, bool is_on_earth, bool is_iner
 }
 
 const CLI::App* add_init_command(CLI::App& app, InitOptions& options) {
-  CLI::App* command = app.add_subcommand(
-      "init", "Write a configuration for a product, a port and a simulator; at a terminal, ask for what is missing");
+  CLI::App* command =
+      app.add_subcommand("init",
+                         "Write a configuration for a product, a port and a simulator; at a terminal, ask for what "
+                         "is missing; without one, PRODUCT, --port and --from are needed");
   command->add_option("PRODUCT", options.product, "A protocol of imud list, or a product of one, such as vn-200");
   const auto add = [&](const std::string& name, std::string& value, const std::string& unit,
                        const std::string& help) { return command->add_option(name, value, help)->type_name(unit); };
@@ -201,7 +203,7 @@ int init(InitOptions options) {
   const std::string text = fmt::format(
       "# {}\n# A # before a key makes it a comment, which shows the default or an example. `imud check {}` shows "
       "what "
-      "the\n# configuration does; `imud help KEY` explains a key, emulator/CONFIGURATION.md all of them.\n\n"
+      "the\n# configuration does; `imud help KEY` explains a key, `man imud.toml` all of them.\n\n"
       "# seed of all random numbers\n#seed = 1\n{}\n{}{}{}",
       command_of(options), shell_word(options.output),
       has_clock ? "" : "# what paces the samples (one of realtime, lockstep, fast)\n#clock = \"realtime\"\n",

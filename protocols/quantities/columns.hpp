@@ -90,8 +90,9 @@ class Columns {
 };
 
 // The setting that makes a format of columns readable without its header row.
-inline constexpr Setting columns_setting =
-    list_setting("columns", "names of the columns, for a stream whose header row is missed");
+inline constexpr Setting columns_setting = list_setting("columns",
+                                                        "names of the columns in their order; needed if imud starts "
+                                                        "after the simulator, which sends its header row once");
 
 // The wanted columns of a truth format.
 struct ColumnNames {

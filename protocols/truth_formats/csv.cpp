@@ -164,10 +164,10 @@ std::unique_ptr<TruthDecoder> make(const Settings& settings) {
 
 constexpr Setting settings[] = {
     accumulated_dv_setting,
-    list_setting(
-        columns_setting.key,
-        "names of the columns, for a stream whose header row is missed, or a table of quantities with the names "
-        "of their columns, {time_s = \"t\", q_NB_w = \"qw\", ...}, or their numbers from 0"),
+    list_setting(columns_setting.key,
+                 "names of the columns in their order, if there is no header row or imud starts after it; or a table "
+                 "of quantities with the names "
+                 "of their columns, {time_s = \"t\", q_NB_w = \"qw\", ...}, or their numbers from 0"),
     level_setting,
     body_setting,
 };
