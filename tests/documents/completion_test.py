@@ -92,6 +92,7 @@ class CompletionTest(unittest.TestCase):
                   (["imud", "help", ""], [words[1] for words in commands() if len(words) == 2]),
                   (["imud", "campaign", ""], [words[2] for words in commands() if len(words) == 3]),
                   (["imud", "help", "truth.d"], ["truth.delay_ms"]),
+                  (["imud", "help", "async"], ["async_type", "async_hz"]),
                   (["imud", "example", ""], names("protocol", "truth format", "preset")),
                   (["imud", "init", ""], [*names("protocol"), "vn-200", "3dm-gq7", "openimu300ri"]),
                   (["imud", "init", "stim300", "--from", ""], ["jsbsim", "gazebo", "px4", "ardupilot", "basilisk", "fmi", "42",
@@ -113,6 +114,8 @@ class CompletionTest(unittest.TestCase):
         for (words, expected), found in zip(cases, answers):
             self.assertTrue(expected, words)
             self.assertEqual([name for name in expected if name not in found], [], f"{words}: {found}")
+            if words[-2:] == ["--from", ""]:
+                self.assertEqual({found.count(name) for name in expected}, {1}, found)
 
     def test_bash(self):
         self.expect_all(Bash())
@@ -122,6 +125,17 @@ class CompletionTest(unittest.TestCase):
 
     def test_zsh(self):
         self.expect_all(Zsh())
+
+    def test_configurations_come_before_other_files(self):
+        """Of bash: those that can be one, and folders; all files where there is none."""
+        with tempfile.TemporaryDirectory() as folder:
+            for name in ("a.toml", "b.bin", "c.pcapng.gz"):
+                (pathlib.Path(folder) / name).write_text("")
+            (pathlib.Path(folder) / "d").mkdir()
+            for command in ("run", "check"):
+                found = Bash().complete([["imud", command, f"{folder}/"], ["imud", command, f"{folder}/b"]])
+                self.assertEqual([sorted(pathlib.Path(name).name for name in names) for names in found],
+                                 [["a.toml", "c.pcapng.gz", "d"], ["b.bin"]])
 
     def test_running_instances(self):
         """`imud ctl --name` completes what runs: here a stand-in lists it."""

@@ -3,7 +3,7 @@ import re
 
 from roff import cells
 
-FILES, RUNS, SCENARIOS, NOTHING = "files", "runs", "scenarios", "nothing"
+FILES, CONFIGS, RUNS, SCENARIOS, NOTHING = "files", "configs", "runs", "scenarios", "nothing"
 # Where a scenario is looked for beside the current folder.
 SHARED = ("/usr/local/share/imud", "/usr/share/imud")
 
@@ -46,23 +46,24 @@ class Completion:
         units = [unit for name in programs.of_kind("protocol") for setting in name["settings"] if setting["key"] == "model"
                  for unit in setting["valid"].removeprefix("one of ").split(", ")]
         settings = [setting["key"] for name in programs.of_kind("protocol") for setting in name["settings"]]
+        found = keys((source / "emulator/CONFIGURATION.md").read_text())
         self.sets = {
             "names": programs.shipped_names("protocol", "truth format", "transport", "preset"),
             "lists": ["faults", "checks"],
             "protocols": protocols,
             "arrays": ["npy"],
             "ports": [f"{name}:" for name in programs.shipped_names("transport")],
-            "keys": [f"{key}=" for key in keys((source / "emulator/CONFIGURATION.md").read_text())],
+            "keys": [f"{key}=" for key in found],
             "settings": [f"{key}=" for key in dict.fromkeys(settings)],
             "products": programs.shipped_names("protocol") + units,
-            "simulators": simulators + programs.shipped_names("truth format"),
+            "simulators": list(dict.fromkeys(simulators + programs.shipped_names("truth format"))),
             "methods": methods,
             "campaign_actions": ["collect", "report"],
             "motions": first_words(programs.commands["imu-truth"], "Motions") + ["list"],
             "formats": programs.shipped_names("truth format") + ["ulog", "mcap"],
             "presets": programs.shipped_names("preset"),
             "deviations": re.findall(r"[a-z]+(?:-[a-z]+)?", deviations.text.replace("(default)", "").replace(" or ", " ")),
-            "topics": keys((source / "emulator/CONFIGURATION.md").read_text()),
+            "topics": list(dict.fromkeys(word for key in found for word in (key, key.rpartition(".")[2]))),
             "commands": [entry.names[0] for entry in programs.commands["imud"].commands],
         }
         # The commands that have commands of their own.
@@ -71,7 +72,8 @@ class Completion:
             self.sets[f"{command.words[-1]}_commands"] = [entry.names[0] for entry in command.commands]
 
     def kinds(self, command, entry):
-        """What completes the value of an option or a positional argument: some of FILES, RUNS, SCENARIOS and the sets."""
+        """What completes the value of an option or a positional argument: some of FILES, CONFIGS (files
+        that are a configuration or a record, if there is one), RUNS, SCENARIOS and the sets."""
         name, value, words = entry.names[-1], entry.value, " ".join(command.words)
         if words == "imud":
             return ["commands"]
@@ -91,7 +93,9 @@ class Completion:
             return ["names", "lists"] if words == "imud list" else ["names"]
         if value.startswith("PRESET"):
             return ["presets", FILES]
-        if re.search(r"FILE|PATH|RECORD|DIR", value) or name in ("CONFIG", "CAPTURE", "FILE", "LINK", "PLAN", "DIR"):
+        if name == "CONFIG":
+            return [CONFIGS]
+        if re.search(r"FILE|PATH|RECORD|DIR", value) or name in ("CAPTURE", "FILE", "LINK", "PLAN", "DIR"):
             return [FILES]
         return [NOTHING]
 
@@ -161,7 +165,7 @@ class Completion:
 
     def zsh_action(self, command, entry):
         kinds = [kind for kind in self.kinds(command, entry) if kind != NOTHING]
-        functions = ["_files" if kind == FILES else f"_imud_{kind}" for kind in kinds]
+        functions = ["_files" if kind == FILES else "_imud_configs" if kind == CONFIGS else f"_imud_{kind}" for kind in kinds]
         if not functions:
             return " "
         return functions[0] if len(functions) == 1 else f"_imud_{'_or_'.join(kinds)}"
@@ -202,10 +206,10 @@ class Completion:
         return "\n".join(out) + "\n"
 
     def fish_values(self, kinds, exclusive):
-        given = [kind for kind in kinds if kind not in (FILES, NOTHING)]
+        given = [kind for kind in kinds if kind not in (FILES, CONFIGS, NOTHING)]
         dynamic = {RUNS: "(__imud_runs)", SCENARIOS: "(__imud_scenarios)"}
         words = [dynamic[kind] if kind in dynamic else " ".join(self.sets[kind]) for kind in given]
-        flags = (" -r -F" if exclusive == "-x" else "") if FILES in kinds else f" {exclusive}"
+        flags = (" -r -F" if exclusive == "-x" else "") if FILES in kinds or CONFIGS in kinds else f" {exclusive}"
         return flags + (f" -a '{' '.join(words)}'" if words else "")
 
 
@@ -216,6 +220,10 @@ _imud_values() { # KINDS WORD: fills COMPREPLY
     case $kind in
       nothing) ;;
       files) compopt -o filenames 2>/dev/null; mapfile -t -O ${#COMPREPLY[@]} COMPREPLY < <(compgen -f -- "$2") ;;
+      configs)
+        compopt -o filenames 2>/dev/null
+        mapfile -t COMPREPLY < <(compgen -f -X '!*.toml' -- "$2"; compgen -f -X '!*.pcapng*' -- "$2"; compgen -d -- "$2")
+        if ((${#COMPREPLY[@]} == 0)); then mapfile -t COMPREPLY < <(compgen -f -- "$2"); fi ;;
       runs) mapfile -t -O ${#COMPREPLY[@]} COMPREPLY < <(compgen -W "$(imud ctl 2>/dev/null | cut -d' ' -f1)" -- "$2") ;;
       scenarios)
         for folder in """ + " ".join(SHARED) + """; do
@@ -261,7 +269,8 @@ BASH_END = """    'imud help') positionals=('commands topics') ;;
   _imud_values "${positionals[place]-}" "$word"
 }
 complete -F _imud """
-ZSH_BEGIN = """_imud_runs() { compadd -- ${(f)"$(imud ctl 2>/dev/null | cut -d' ' -f1)"} }
+ZSH_BEGIN = """_imud_configs() { _files -g '*.(toml|pcapng|pcapng.*)(-.)' }
+_imud_runs() { compadd -- ${(f)"$(imud ctl 2>/dev/null | cut -d' ' -f1)"} }
 _imud_scenarios() { compadd -- """ + " ".join(f"{folder}/tools/scenarios/*.toml(N)" for folder in SHARED) + """ }
 """
 # _arguments changes `words` for the function that calls it, and for no other.
