@@ -4,7 +4,9 @@ usage: manual_test.py BUILD_FOLDER SOURCE_FOLDER
 """
 import json
 import re
+import shlex
 import subprocess
+import tempfile
 import unittest
 
 from stated import DOCUMENTS, SOURCE, commands, keys, methods, names, options, output
@@ -76,6 +78,53 @@ class ManualTest(unittest.TestCase):
         self.assertGreater(len(found), 10)
         for method in found:
             self.assertRegex(self.pages["imud-ctl.1"], rf"(?m)^ +([\w.]+, )*{re.escape(method)}(,|\s|$)")
+
+    def test_every_column(self):
+        count = 0
+        for name in json.loads(output("imud", "list", "--json")):
+            for group in name.get("columns", []):
+                self.assertRegex(self.pages["imud-truth.7"], rf"(?m)^ +{re.escape(', '.join(group['names']))}(\n +| +){group['need']}: ")
+                count += 1
+        self.assertGreater(count, 10)
+
+    def test_every_text_is_whole(self):
+        """No option is described by a full stop alone, and no summary is cut."""
+        for name, page in self.pages.items():
+            self.assertNotRegex(page, r"(?m)^ +\.$", name)
+        self.assertRegex(self.pages["imud-replay.1"], r"(?m)^ +--jobs N.*\n* +Processes for the seeds")
+        self.assertRegex(self.pages["imud-list.1"], r"imud-list - show protocols, truth formats, transports and\s+presets")
+        self.assertRegex(self.pages["imud-status.1"], r"EXIT STATUS\n +0 a run has answered")
+
+    def test_every_page_that_is_named_is_there(self):
+        count = 0
+        for name, page in self.pages.items():
+            text = re.sub(r"\s+", " ", page)
+            for path in re.findall(r"(\S*)\bREADME\.md pages|([\w/.-]+\.md)\b", text):
+                # Documents of others have other names.
+                if not path[1] or not path[1].startswith(("/usr/share/imud/", "core/", "emulator/", "protocols/", "tests/", "tools/", "transports/",
+                                                          "control/", "faults/", "web/")):
+                    continue
+                self.assertTrue(path[1].startswith("/usr/share/imud/"), f"{name}: {path[1]}")
+                self.assertTrue((SOURCE / path[1].removeprefix("/usr/share/imud/")).is_file(), f"{name}: {path[1]}")
+                count += 1
+            self.assertNotRegex(text, "of this folder|compares these tables", name)
+        self.assertGreater(count, 10)
+        self.assertIn("its keys are in imud-scenario(5)", re.sub(r"\s+", " ", self.pages["imud.toml.5"]))
+
+    def test_the_first_steps(self):
+        """The examples of imud(1) that end by themselves, as they stand, in an empty folder."""
+        page = self.pages["imud.1"]
+        self.assertIn("Truth is the true motion of the vehicle", page)
+        self.assertIn("systemctl enable --now imud@NAME", page)
+        examples = [line.split("    #")[0].strip() for line in page.split("EXAMPLES\n")[1].split("\nFILES")[0].splitlines()]
+        with tempfile.TemporaryDirectory() as folder:
+            run = [line for line in examples if line.startswith(("imud init", "imud check"))]
+            self.assertEqual(len(run), 3)
+            for line in run:
+                output(*shlex.split(line), cwd=folder)
+            for line in ("imud run", "imu-truth coning --to udp:127.0.0.1:9810", "imu-decode vectornav pty:imu1"):
+                self.assertIn(line, examples)
+
 
 if __name__ == "__main__":
     unittest.main()

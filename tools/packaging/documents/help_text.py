@@ -90,7 +90,8 @@ def parse(words, text):
             match = ENTRY.match(line)
             if match and not line[2:3].isspace():
                 # A long name has the line for itself; a range in it, such as [1 - 10], may have a space at the column.
-                if len(line) > COLUMN and line[COLUMN - 1] == " " and "[" not in line[:COLUMN].replace("[OPTIONS]", ""):
+                begin = line[:COLUMN]
+                if len(line) > COLUMN and begin[-1] == " " and begin.count("[") == begin.count("]") and line[COLUMN] != "[":
                     entries.append((entry_of(line[:COLUMN].rstrip()), [line[COLUMN:]]))
                 else:
                     entries.append((entry_of(line.strip()), []))
