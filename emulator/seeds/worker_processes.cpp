@@ -81,8 +81,9 @@ bool write_all(int file, std::string_view text) {
 
 // The life of a worker: lines "ITEM TEXT", or "! CAUSE". `first`: the item that it does before others.
 [[noreturn]] void work(const WorkerProcesses& workers, SharedItems& items, std::size_t number,
-                       std::optional<std::size_t> first, int out) {
+                       std::optional<std::size_t> first, int out, pid_t parent) {
   ::prctl(PR_SET_PDEATHSIG, SIGKILL);
+  if (::getppid() != parent) ::_exit(0);  // it has ended before that
   // The memory of an item is kept for the next: returning it to the kernel costs a tenth of a run.
   constexpr int kept = 16 * 1024 * 1024;
   ::mallopt(M_MMAP_THRESHOLD, kept);
@@ -153,9 +154,13 @@ class Workers {
     if (::pipe2(ends.data(), O_CLOEXEC) != 0) throw std::runtime_error(fmt::format("pipe: {}", std::strerror(errno)));
     FileDescriptor read(ends[0]), write(ends[1]);
     items_.open(number) = first.value_or(SharedItems::none);
-    const pid_t process = ::fork();
+    const pid_t parent = ::getpid(), process = ::fork();
     if (process < 0) throw std::runtime_error(fmt::format("a worker process: {}", std::strerror(errno)));
-    if (process == 0) work(workers_, items_, number, first, write.get());
+    if (process == 0) {
+      read.reset();  // with a reader left, a worker would wait for room in the pipe of an ended parent
+      for (Worker& other : all_) other.in.reset();
+      work(workers_, items_, number, first, write.get(), parent);
+    }
     all_[number] = {process, std::move(read)};
   }
   void end_all() noexcept {

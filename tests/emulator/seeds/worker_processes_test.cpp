@@ -2,8 +2,12 @@
 #include "emulator/seeds/worker_processes.hpp"
 
 #include <gtest/gtest.h>
+#include <poll.h>
 #include <sys/mman.h>
+#include <sys/wait.h>
+#include <unistd.h>
 
+#include <array>
 #include <atomic>
 #include <csignal>
 #include <map>
@@ -76,6 +80,38 @@ TEST(WorkerProcesses, ADeathEndsARunThatLosesNothing) {
     ADD_FAILURE() << "it has returned";
   } catch (const std::runtime_error& error) {
     EXPECT_STREQ(error.what(), "a worker process was ended by signal 9");
+  }
+}
+
+// All are killed with the parent, also one that was forked as it died, and none waits for room in its pipe.
+TEST(WorkerProcesses, NoneOutlivesTheParent) {
+  for (int i = 0; i < 5; ++i) {
+    std::array<int, 2> lives{}, begun{};  // the first has an end as long as one of the processes lives
+    ASSERT_EQ(::pipe(lives.data()), 0);
+    ASSERT_EQ(::pipe(begun.data()), 0);
+    const pid_t parent = ::fork();
+    ASSERT_GE(parent, 0);
+    if (parent == 0) {
+      ::close(lives[0]);
+      run_workers({.jobs = 60,
+                   .work =
+                       [&](std::size_t) {
+                         static_cast<void>(::write(begun[1], "b", 1) == 1);
+                         return std::string(100'000, 'x');
+                       },
+                   .take = [](std::size_t, const std::string&) {}},
+                  1'000'000);
+      ::_exit(0);
+    }
+    ::close(lives[1]);
+    char any = 0;
+    ASSERT_EQ(::read(begun[0], &any, 1), 1);
+    ::kill(parent, SIGKILL);
+    ASSERT_EQ(::waitpid(parent, nullptr, 0), parent);
+    pollfd ended{lives[0], POLLIN, 0};
+    constexpr int limit_ms = 60'000;
+    EXPECT_EQ(::poll(&ended, 1, limit_ms), 1) << "a worker lives";
+    for (const int file : {lives[0], begun[0], begun[1]}) ::close(file);
   }
 }
 
