@@ -50,7 +50,8 @@ TestedCase::TestedCase(const Campaign& campaign, const CampaignCase& one, Config
                                                             {"metrics", folder_ / "metrics.json"}}),
             .folder = std::filesystem::path(campaign.file).parent_path(),
             .limit_s = limit_s_,
-            .is_shown = is_shown};
+            .is_shown = is_shown,
+            .scratch_folder = folder_};
 }
 
 TestedCase::~TestedCase() {
@@ -64,13 +65,15 @@ void TestedCase::begin(Engine& engine, const std::atomic<bool>& stop) {
   Port& port = *engine.channels()[imu_]->lines.all().front().port;
   while (!stop && !command_->has_ended()) {  // it is killed at its time limit
     port.flush();
-    if (port.state() != PortState::no_reader) return;
+    has_opened_ = port.state() != PortState::no_reader;
+    if (has_opened_) return;
     std::this_thread::sleep_for(std::chrono::milliseconds(1));
   }
 }
 
 nlohmann::ordered_json TestedCase::end(const std::atomic<bool>& stop, std::vector<std::string>& shortfalls) {
   const TestCommand::End end = command_->wait(stop);
+  if (!has_opened_) shortfalls.emplace_back("the test has not opened {port}");
   if (end.is_timed_out)
     shortfalls.push_back(fmt::format("the test was killed after {:g} s", limit_s_));
   else if (end.exit_code != 0)

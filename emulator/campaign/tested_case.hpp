@@ -42,6 +42,7 @@ class TestedCase {
   TestCommand::Start start_;
   std::size_t imu_ = 0;
   std::optional<TestCommand> command_;
+  bool has_opened_ = false;
 };
 
 }  // namespace imud

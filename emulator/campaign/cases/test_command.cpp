@@ -2,27 +2,45 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
+#include <poll.h>
 #include <sys/prctl.h>
+#include <sys/signalfd.h>
+#include <sys/socket.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <array>
 #include <boost/algorithm/string/replace.hpp>
 #include <cerrno>
 #include <chrono>
-#include <condition_variable>
 #include <csignal>
 #include <cstring>
-#include <mutex>
+#include <filesystem>
+#include <fstream>
 #include <stdexcept>
+#include <system_error>
 
 namespace imud {
 
 namespace {
 
+constexpr int by_signal = 128;  // the shell's exit code of a command that a signal has ended, less the signal
+
+// Returns a word of the shell with that text.
+std::string in_quotes(const std::string& text) {
+  constexpr std::string_view safe = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_@%+=:,./-";
+  if (!text.empty() && text.find_first_not_of(safe) == text.npos) return text;
+  return "'" + boost::replace_all_copy(text, "'", "'\\''") + "'";
+}
+
 [[noreturn]] void become(const TestCommand::Start& start) {
   ::prctl(PR_SET_PDEATHSIG, SIGKILL);
   ::setpgid(0, 0);
-  for (const int signal : {SIGINT, SIGTERM, SIGPIPE, SIGXFSZ}) std::signal(signal, SIG_DFL);
+  sigset_t none_blocked;
+  sigemptyset(&none_blocked);
+  ::sigprocmask(SIG_SETMASK, &none_blocked, nullptr);
+  for (const int signal : {SIGINT, SIGTERM, SIGHUP, SIGPIPE, SIGXFSZ}) std::signal(signal, SIG_DFL);
   const int none = ::open("/dev/null", O_RDWR);
   ::dup2(none, STDIN_FILENO);
   ::dup2(start.is_shown ? STDERR_FILENO : none, STDOUT_FILENO);
@@ -33,56 +51,108 @@ namespace {
   ::_exit(cannot_run);
 }
 
+// Kills the children of this process and waits until none is left: orphans become its children.
+void end_children() {
+  while (true) {
+    std::ifstream children("/proc/thread-self/children");
+    bool any = false;
+    for (pid_t child = 0; children >> child; any = true) ::kill(child, SIGKILL);
+    if (!any || ::waitpid(-1, nullptr, 0) < 0) return;
+  }
+}
+
+// Closes all descriptors but the standard ones and `kept`, whose number becomes the returned one: a pseudo-terminal
+// ends when imud closes it.
+int close_others(int kept) {
+  constexpr int first = STDERR_FILENO + 1;
+  if (kept != first) ::dup3(kept, first, O_CLOEXEC);
+  ::close_range(first + 1, ~0U, 0);
+  return first;
+}
+
+// The life of the supervisor: it sends the End of the command by its link, at whose other end's end it ends, too.
+[[noreturn]] void supervise(const TestCommand::Start& start, int link_of_parent) {
+  const int link = close_others(link_of_parent);
+  ::setpgid(0, 0);
+  ::prctl(PR_SET_CHILD_SUBREAPER, 1);
+  for (const int signal : {SIGINT, SIGTERM, SIGHUP, SIGPIPE}) std::signal(signal, SIG_IGN);
+  sigset_t of_children;
+  sigemptyset(&of_children);
+  sigaddset(&of_children, SIGCHLD);
+  ::sigprocmask(SIG_BLOCK, &of_children, nullptr);
+  const FileDescriptor deaths(::signalfd(-1, &of_children, SFD_CLOEXEC | SFD_NONBLOCK));
+  using Clock = std::chrono::steady_clock;
+  const auto limit = Clock::now() + std::chrono::duration<double>(start.limit_s);
+  const pid_t command = ::fork();
+  if (command == 0) become(start);
+  TestCommand::End end{by_signal + SIGKILL, false};
+  for (bool runs = command > 0; runs;) {
+    const double left_s = std::chrono::duration<double>(limit - Clock::now()).count();
+    constexpr double most_s = 1000;
+    std::array<pollfd, 2> ready{{{link, POLLIN, 0}, {deaths.get(), POLLIN, 0}}};
+    ::poll(ready.data(), ready.size(), static_cast<int>(1e3 * std::clamp(left_s + 1e-3, 0.0, most_s)));
+    signalfd_siginfo ignored{};
+    while (::read(deaths.get(), &ignored, sizeof ignored) > 0) {
+    }
+    int status = 0;
+    for (pid_t ended = 0; runs && (ended = ::waitpid(-1, &status, WNOHANG)) > 0;) {
+      if (ended != command) continue;
+      runs = false;
+      end.exit_code = WIFSIGNALED(status) ? by_signal + WTERMSIG(status) : WEXITSTATUS(status);
+    }
+    end.is_timed_out = runs && Clock::now() >= limit;
+    if (ready[0].revents != 0 || end.is_timed_out) break;
+  }
+  end_children();
+  if (::send(link, &end, sizeof end, MSG_NOSIGNAL) == sizeof end) {
+    char last = 0;
+    while (::read(link, &last, 1) < 0 && errno == EINTR) {
+    }
+  }
+  if (std::error_code error; !start.scratch_folder.empty()) std::filesystem::remove_all(start.scratch_folder, error);
+  ::_exit(0);
+}
+
 }  // namespace
 
 std::string with_values(std::string command, const std::map<std::string, std::string>& values) {
-  for (const auto& [name, value] : values) boost::replace_all(command, "{" + name + "}", value);
+  for (const auto& [name, value] : values) boost::replace_all(command, "{" + name + "}", in_quotes(value));
   return command;
 }
 
-TestCommand::TestCommand(const Start& start) : process_(::fork()) {
-  if (process_ < 0) throw std::runtime_error(fmt::format("a process of the test: {}", std::strerror(errno)));
-  if (process_ == 0) become(start);
-  ::setpgid(process_, process_);  // as the child does: who comes first is not known
-  watch_ = std::jthread([this, limit = std::chrono::duration<double>(start.limit_s)](const std::stop_token& ended) {
-    std::mutex mutex;
-    std::unique_lock lock(mutex);
-    std::condition_variable_any condition;
-    condition.wait_for(lock, ended, limit, [] { return false; });
-    if (ended.stop_requested()) return;
-    is_timed_out_ = true;
-    kill_all();
-  });
+TestCommand::TestCommand(const Start& start) {
+  std::array<int, 2> ends{};
+  if (::socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends.data()) != 0)
+    throw std::runtime_error(fmt::format("a process of the test: {}", std::strerror(errno)));
+  link_ = FileDescriptor(ends[0]);
+  const FileDescriptor other(ends[1]);
+  supervisor_ = ::fork();
+  if (supervisor_ < 0) throw std::runtime_error(fmt::format("a process of the test: {}", std::strerror(errno)));
+  if (supervisor_ > 0) return;
+  link_.reset();
+  supervise(start, other.get());
 }
 
 TestCommand::~TestCommand() {
-  if (has_ended_) return;
-  kill_all();
-  const std::atomic<bool> stop = true;
-  wait(stop);
+  link_.reset();
+  while (::waitpid(supervisor_, nullptr, 0) < 0 && errno == EINTR) {
+  }
 }
 
-void TestCommand::kill_all() noexcept { ::kill(-process_, SIGKILL); }
-
-bool TestCommand::has_ended() noexcept {
-  siginfo_t info{};
-  return has_ended_ || (::waitid(P_PID, static_cast<id_t>(process_), &info, WEXITED | WNOWAIT | WNOHANG) == 0 &&
-                        info.si_pid == process_);
+bool TestCommand::has_ended() const noexcept {
+  pollfd ready{link_.get(), POLLIN, 0};
+  return ::poll(&ready, 1, 0) > 0;
 }
 
 TestCommand::End TestCommand::wait(const std::atomic<bool>& stop) noexcept {
-  // The group outlives its first process, whose number cannot be given to another one before it is waited for.
-  siginfo_t info{};
-  while (!has_ended_ && ::waitid(P_PID, static_cast<id_t>(process_), &info, WEXITED | WNOWAIT) != 0 && errno == EINTR)
-    if (stop) kill_all();
-  watch_.request_stop();
-  watch_.join();
-  kill_all();
-  while (!has_ended_ && ::waitpid(process_, &status_, 0) < 0 && errno == EINTR) {
+  End end{by_signal + SIGKILL, false};  // if the supervisor is killed
+  pollfd ready{link_.get(), POLLIN, 0};
+  constexpr int between_looks_ms = 100;
+  while (::poll(&ready, 1, between_looks_ms) <= 0)
+    if (stop) ::shutdown(link_.get(), SHUT_WR);
+  while (::recv(link_.get(), &end, sizeof end, MSG_WAITALL) < 0 && errno == EINTR) {
   }
-  has_ended_ = true;
-  constexpr int by_signal = 128;
-  return {WIFSIGNALED(status_) ? by_signal + WTERMSIG(status_) : WEXITSTATUS(status_), is_timed_out_};
+  return end;
 }
 
 }  // namespace imud

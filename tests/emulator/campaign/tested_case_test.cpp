@@ -1,10 +1,16 @@
 // The system under test beside the cases of a campaign: what it reads, what joins the row, and its end.
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <chrono>
 #include <csignal>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <system_error>
+#include <thread>
 #include <vector>
 
 #include "emulator/campaign/shards/result_folder.hpp"
@@ -91,7 +97,63 @@ TEST_F(TestedCases, TheGroupIsKilledAtTheTimeLimit) {
 TEST_F(TestedCases, ACommandThatNeverReadsDoesNotHoldTheCase) {
   const ProgramResult done = run("runs", "exit 7");
   EXPECT_EQ(done.exit_code, 3) << done.errors;
-  for (const Json& row : rows("runs")) EXPECT_EQ(row["test"]["exit_code"], 7);
+  for (const Json& row : rows("runs")) {
+    EXPECT_EQ(row["test"]["exit_code"], 7);
+    EXPECT_TRUE(contains(row["shortfalls"].dump(), "the test has not opened {port}"));
+  }
+}
+
+// Returns the processes that have the variable KEPT=`mark` in their environment.
+std::vector<std::string> processes_with(const std::string& mark) {
+  std::vector<std::string> all;
+  std::error_code gone;
+  for (const auto& process : std::filesystem::directory_iterator("/proc", gone))
+    if (contains(read_file(process.path() / "environ"), "KEPT=" + mark)) all.push_back(process.path().filename());
+  return all;
+}
+
+// A process of the command that has left its group ends with it, and so does all of it with imud, however that ends.
+TEST_F(TestedCases, NothingOfTheCommandIsLeftBehind) {
+  const std::string mark = fmt::format("{}-left", ::getpid()), scratch = path("scratch");
+  std::filesystem::create_directory(scratch);
+  const std::string plan = write("plan.toml", head + R"(seeds = "1..4"
+batch = 4
+[test]
+command = "setsid sleep 1000 & sleep 1000 & cat {port} > /dev/null; test {seed} = 1 || sleep 1000"
+)");
+  ASSERT_EQ(::setenv("TMPDIR", scratch.c_str(), 1) + ::setenv("KEPT", mark.c_str(), 1), 0);
+  for (const bool kills_worker : {false, true}) {
+    Program program("imud");
+    program.start({"campaign", "run", plan, "--into", path("runs"), "--jobs", "1"});
+    // The first case has ended, and the second one sleeps: imud, a worker, the supervisor and four of the command.
+    for (int i = 0; i < 600 && processes_with(mark).size() < 7; ++i)
+      std::this_thread::sleep_for(std::chrono::milliseconds(100));
+    EXPECT_GE(processes_with(mark).size(), 7U);
+    std::vector<pid_t> workers;
+    std::ifstream children(fmt::format("/proc/{0}/task/{0}/children", program.pid()));
+    for (pid_t child = 0; children >> child;) workers.push_back(child);
+    ASSERT_EQ(workers.size(), 1U);
+    if (kills_worker) ::kill(workers[0], SIGKILL);
+    program.kill(SIGKILL);
+    EXPECT_EQ(program.wait(), 128 + SIGKILL);
+    std::vector<std::string> left;
+    for (int i = 0; i < 300 && !(left = processes_with(mark)).empty(); ++i)
+      std::this_thread::sleep_for(std::chrono::milliseconds(100));
+    EXPECT_EQ(left, std::vector<std::string>());
+    EXPECT_TRUE(std::filesystem::is_empty(scratch));
+  }
+  ::unsetenv("KEPT");
+  ::unsetenv("TMPDIR");
+}
+
+TEST_F(TestedCases, AFolderWithABlankIsOneWord) {
+  const std::string scratch = path("with 'a' blank");
+  std::filesystem::create_directory(scratch);
+  ::setenv("TMPDIR", scratch.c_str(), 1);
+  const ProgramResult done = run("runs", "cat {port} > /dev/null; echo {} > {metrics}");
+  ::unsetenv("TMPDIR");
+  EXPECT_EQ(done.exit_code, 0) << done.errors;
+  EXPECT_EQ(rows("runs").size(), 4U);
 }
 
 }  // namespace
