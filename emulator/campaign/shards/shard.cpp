@@ -2,6 +2,7 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <array>
@@ -39,18 +40,32 @@ std::optional<CaseRange> range_of(std::string_view text, std::string_view betwee
   return cases;
 }
 
+// Returns the name of this host.
 std::string this_host() {
   std::array<char, HOST_NAME_MAX + 1> name{};
   return ::gethostname(name.data(), name.size() - 1) == 0 ? name.data() : "localhost";
+}
+
+// Returns in which space a number of a process is unique: the begin of the identifier of the host's boot, and the
+// number of the namespace. Containers may share the name of a host.
+std::string this_space() {
+  std::ifstream file("/proc/sys/kernel/random/boot_id");
+  std::string boot;
+  file >> boot;
+  struct stat space {};
+  ::stat("/proc/self/ns/pid", &space);
+  return fmt::format("{:.8}-{}", boot, space.st_ino);
 }
 
 [[noreturn]] void fail(const std::filesystem::path& path, int error) {
   throw std::runtime_error(fmt::format("{}: {}", path.string(), std::strerror(error)));
 }
 
+// Creates a temporary file. Another one of that name is of an ended process that had the number of this one.
 FileDescriptor create(const std::filesystem::path& path) {
   constexpr mode_t mode = 0666;
-  FileDescriptor file(::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, mode));
+  ::unlink(path.c_str());
+  FileDescriptor file(::open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, mode));
   if (!file) fail(path, errno);
   return file;
 }
@@ -168,25 +183,29 @@ std::optional<Shard> read_shard(const std::filesystem::path& path, std::string& 
   return refuse(fmt::format("is cut short after {} of {} rows", shard.rows.size(), rows));
 }
 
-TemporaryFile::TemporaryFile(std::string of) : name(std::move(of)), host(this_host()), process(::getpid()) {}
+TemporaryFile::TemporaryFile(std::string of)
+    : name(std::move(of)), host(this_host()), space(this_space()), process(::getpid()) {}
 
 std::optional<TemporaryFile> TemporaryFile::parse(std::string_view file_name) {
   if (!file_name.starts_with('.') || !file_name.ends_with(suffix_of_temporary)) return std::nullopt;
   file_name = file_name.substr(1, file_name.size() - 1 - suffix_of_temporary.size());
   const std::size_t begin = file_name.find('.'), end = file_name.rfind('.');
+  if (begin == end) return std::nullopt;
+  const std::size_t middle = file_name.rfind('.', end - 1);  // a host's name may have dots
   TemporaryFile file;
-  if (begin == end || !read_whole(file_name.substr(end + 1), file.process)) return std::nullopt;
+  if (middle <= begin || !read_whole(file_name.substr(end + 1), file.process)) return std::nullopt;
   file.name = file_name.substr(0, begin);
-  file.host = file_name.substr(begin + 1, end - begin - 1);
+  file.host = file_name.substr(begin + 1, middle - begin - 1);
+  file.space = file_name.substr(middle + 1, end - middle - 1);
   return file;
 }
 
 std::string TemporaryFile::file_name() const {
-  return fmt::format(".{}.{}.{}{}", name, host, process, suffix_of_temporary);
+  return fmt::format(".{}.{}.{}.{}{}", name, host, space, process, suffix_of_temporary);
 }
 
 bool TemporaryFile::is_left_behind() const {
-  return host == this_host() && process > 0 && ::kill(process, 0) != 0 && errno == ESRCH;
+  return host == this_host() && space == this_space() && process > 0 && ::kill(process, 0) != 0 && errno == ESRCH;
 }
 
 ShardWriter::ShardWriter(std::filesystem::path folder, const ShardHead& head)

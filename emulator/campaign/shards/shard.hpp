@@ -62,6 +62,7 @@ std::optional<Shard> read_shard(const std::filesystem::path& path, std::string& 
 // `.NAME.HOST.PID.tmp`.
 struct TemporaryFile {
   std::string name, host;
+  std::string space;  // of the numbers of processes: of a boot of the host, and of a container
   pid_t process = 0;
 
   // A file of this process.
@@ -69,7 +70,7 @@ struct TemporaryFile {
   // Returns the parts of a file's name; nullopt if it is the name of no temporary file.
   static std::optional<TemporaryFile> parse(std::string_view file_name);
   std::string file_name() const;
-  // Returns true if its process ran on this host and has ended. A process of another host may run.
+  // Returns true if its process had a number of this space and has ended. Another process may run.
   bool is_left_behind() const;
 
  private:

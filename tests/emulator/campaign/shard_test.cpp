@@ -141,7 +141,14 @@ TEST_F(Shards, OnlyAnEndedProcessOfThisHostHasLeftItsFileBehind) {
   ASSERT_TRUE(parsed);
   EXPECT_EQ(parsed->name, file.name);
   EXPECT_EQ(parsed->host, file.host);
+  EXPECT_EQ(parsed->space, file.space);
   EXPECT_TRUE(parsed->is_left_behind());
+  // Of a container of this host, which may have the host's name, the process is another one.
+  TemporaryFile of_container = file;
+  of_container.space += "1";
+  const auto contained = TemporaryFile::parse(of_container.file_name());
+  ASSERT_TRUE(contained);
+  EXPECT_FALSE(contained->is_left_behind());
   file.host = "another.host.example";
   const auto remote = TemporaryFile::parse(file.file_name());
   ASSERT_TRUE(remote);
@@ -150,6 +157,7 @@ TEST_F(Shards, OnlyAnEndedProcessOfThisHostHasLeftItsFileBehind) {
   EXPECT_FALSE(TemporaryFile::parse("000000000-000000099.jsonl"));
   EXPECT_FALSE(TemporaryFile::parse(".tmp"));
   EXPECT_FALSE(TemporaryFile::parse(".a.b.c.tmp"));
+  EXPECT_FALSE(TemporaryFile::parse(".a.b.1.tmp"));
 }
 
 TEST_F(Shards, AFileIsWrittenOnce) {
