@@ -11,6 +11,7 @@
 #include "emulator/campaign/campaign_run.hpp"
 #include "emulator/campaign/case_runner.hpp"
 #include "emulator/ground/text_file.hpp"
+#include "transports/file/files_in_use.hpp"
 
 namespace imud {
 
@@ -37,6 +38,18 @@ std::vector<std::string> differences(const std::string& there, const std::string
   return all;
 }
 
+// Throws OpenError if the record would be written over a file that the case reads, or into the folder of results.
+void refuse_inputs(const Config& config, const Campaign& campaign, const std::optional<ResultFolder>& folder,
+                   const std::string& record) {
+  FilesInUse files = config.files;
+  files.add(campaign.file, "the plan");
+  for (const std::string& scenario : campaign.scenarios) files.add(scenario, "a scenario");
+  if (const std::string fault = files.claim(record, "the record"); !fault.empty())
+    throw OpenError("--record: " + fault);
+  if (folder && canonical_path(record).starts_with(canonical_path(folder->path()) + "/"))
+    throw OpenError(fmt::format("--record: {}: is in the folder of results; give another file", record));
+}
+
 }  // namespace
 
 int repeat_case(const std::string& plan_or_folder, std::uint64_t index, const std::string& record) {
@@ -48,6 +61,10 @@ int repeat_case(const std::string& plan_or_folder, std::uint64_t index, const st
         fmt::format("{}: there is no case {}: they are 0 to {}", plan_or_folder, index, campaign.cases() - 1));
   const std::string there = folder ? stored_row(*folder, index) : std::string();
   CaseRunner runner(campaign);
+  if (!record.empty()) {
+    refuse_inputs(runner.prepare(case_of(campaign, index)), campaign, folder, record);
+    if (record != "-") TextFile opened(record);  // it can be written
+  }
   const std::atomic<bool> no_stop = false;
   const std::optional<CaseRunner::Result> here = runner.run(index, no_stop, {.record = record, .of_test = true});
   TextFile("-").write(here->row + "\n");

@@ -294,6 +294,25 @@ TEST_F(CampaignRuns, TemporaryFilesOfEndedProcessesAreTakenAway) {
   EXPECT_TRUE(std::filesystem::exists(path("runs/shards/" + elsewhere.file_name())));
 }
 
+TEST_F(CampaignRuns, TheRecordOfACaseTakesNoOtherFilesPlace) {
+  small_plan();
+  ASSERT_EQ(run("runs", {"--case", "0..3"}).exit_code, 0);
+  const std::string shard = path("runs/shards/000000000-000000003.jsonl");
+  for (const auto& [file, why] :
+       std::map<std::string, std::string>{{path("truth.csv"), "is "},
+                                          {path("plan.toml"), "is the plan"},
+                                          {path("imu.toml"), "is the file of the configuration"},
+                                          {shard, "is in the folder of results"},
+                                          {path("none/5.pcapng"), "cannot be written"}}) {
+    const std::string before = std::filesystem::exists(file) ? read_file(file) : "";
+    const ProgramResult refused = run_program("imud", {"campaign", "repeat", path("runs"), "1", "--record", file});
+    EXPECT_EQ(refused.exit_code, 2) << file;
+    EXPECT_EQ(refused.output, "");
+    EXPECT_TRUE(contains(refused.errors, why)) << refused.errors;
+    EXPECT_EQ(std::filesystem::exists(file) ? read_file(file) : "", before);
+  }
+}
+
 TEST_F(CampaignRuns, ACaseIsRepeatedAlone) {
   small_plan();
   ASSERT_EQ(run("runs", {"--case", "0..7"}).exit_code, 0);
