@@ -35,6 +35,19 @@ std::string rounded(double value) {
   return fmt::to_string(std::strtod(fmt::format("{:.15g}", value).c_str(), nullptr));
 }
 
+// Returns a text that equal values have: of 1 and 1.0, and of lists of them, too.
+std::string comparable_text(const toml::node& node) {
+  constexpr std::int64_t exact = std::int64_t{1} << 53;  // as doubles
+  if (const auto* real = node.as_floating_point()) return fmt::to_string(real->get());
+  if (const auto* integer = node.as_integer(); integer != nullptr && std::abs(integer->get()) <= exact)
+    return fmt::to_string(static_cast<double>(integer->get()));
+  const toml::array* array = node.as_array();
+  if (array == nullptr) return toml_value(node);
+  std::string text = "[";
+  for (const toml::node& item : *array) text += (item.is_table() ? "{}" : comparable_text(item)) + ",";
+  return text + "]";
+}
+
 // Returns the texts of a range's numbers, from its first to its last.
 std::vector<std::string> range(TableReader table) {
   constexpr double largest = 1e300;
@@ -103,9 +116,16 @@ class Values {
       fault(entry.key, node, objection);
     if (const auto* table = node.as_table()) {
       toml::table unused;
+      std::set<std::string> texts;
       for (const std::string& text :
-           range(TableReader(table, fmt::format("axes.{}.", entry.key), entry.line, faults_, unused)))
+           range(TableReader(table, fmt::format("axes.{}.", entry.key), entry.line, faults_, unused))) {
+        if (!texts.insert(text).second) {
+          fault(entry.key, node,
+                fmt::format("has the value {} twice; give fewer values, or ends further apart", text));
+          break;
+        }
         axis.values.push_back({text, {override_of(entry.key, text)}, {}, {}});
+      }
       return axis;
     }
     const toml::array* list = node.as_array();
@@ -114,10 +134,11 @@ class Values {
       return axis;
     }
     if (list->size() > most_values) fault(entry.key, node, fmt::format("give at most {} values", most_values));
-    std::set<std::string> texts;
+    std::set<std::string> texts, numbers;
     for (const toml::node& item : *list) {
       const CampaignAxis::Value& value = axis.values.emplace_back(read_value(entry.key, item));
-      if (!texts.insert(value.text).second)
+      const bool is_new_number = item.is_table() || numbers.insert(comparable_text(item)).second;
+      if (!texts.insert(value.text).second || !is_new_number)
         fault(entry.key, item, fmt::format("has the value {} twice; give each value once", value.text));
     }
     return axis;

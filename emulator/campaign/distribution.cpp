@@ -179,8 +179,9 @@ double Distribution::quantile(double p) const noexcept {
       return -middle_ * elementary::log(1 - p);
     case Kind::triangular: {
       const double width = to_ - from_, rise = middle_ - from_, fall = to_ - middle_;
-      if (p * width < rise) return from_ + std::sqrt(p * width * rise);
-      return to_ - std::sqrt((1 - p) * width * fall);
+      // The square of a width may exceed the largest number.
+      if (p * width < rise) return from_ + std::sqrt(p * (rise / width)) * width;
+      return to_ - std::sqrt((1 - p) * (fall / width)) * width;
     }
     case Kind::choice: {
       const auto count = static_cast<double>(choices_.size());

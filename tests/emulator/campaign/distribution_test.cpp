@@ -23,6 +23,13 @@ TEST(CampaignDistributions, TheQuantileIsTheInverse) {
   }
 }
 
+// The square of the width is no double.
+TEST(CampaignDistributions, ATriangleMayBeWide) {
+  const Distribution law = distribution("distribution = \"triangular\"\nfrom = -1e200\nmode = 0\nto = 1e200");
+  EXPECT_NEAR(law.quantile(0.125) / 1e200, -0.5, 1e-12);
+  EXPECT_NEAR(law.quantile(0.875) / 1e200, 0.5, 1e-12);
+}
+
 TEST(CampaignDistributions, FaultsNameTheKey) {
   const auto faults = [](const std::string& text) {
     const toml::table table = toml::parse(text);
