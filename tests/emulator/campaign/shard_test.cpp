@@ -160,6 +160,19 @@ TEST_F(Shards, OnlyAnEndedProcessOfThisHostHasLeftItsFileBehind) {
   EXPECT_FALSE(TemporaryFile::parse(".a.b.1.tmp"));
 }
 
+// The metrics of [test] are whatever the test has written.
+TEST_F(Shards, NoMetricOfATestIsTheResult) {
+  const auto row = [](int exit_code, bool holds) {
+    return RowResult(fmt::format(
+        "{{\"case\":0,\"exit_code\":{},\"ended_by\":\"end_of_capture\",\"digest\":{{}},\"expect\":{{\"a\":{}}},"
+        "\"error\":null,\"test\":{{\"metrics\":{{\"exit_code\":0,\"ended_by\":\"me\"}}}}}}",
+        exit_code, holds));
+  };
+  EXPECT_EQ(row(3, false).exit_code, 3);
+  EXPECT_TRUE(row(3, false).expectation_failed);
+  EXPECT_EQ(row(0, true).exit_code, 0);
+}
+
 TEST_F(Shards, AFileIsWrittenOnce) {
   EXPECT_TRUE(write_once(folder_ / "campaign.json", "first"));
   EXPECT_FALSE(write_once(folder_ / "campaign.json", "second"));
