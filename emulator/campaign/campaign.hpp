@@ -88,13 +88,16 @@ Config config_of(const Campaign& campaign, const CampaignCase& c);
 Config load_case(const Campaign& campaign, const CampaignCase& c);
 
 // Returns the SHA-256, in hexadecimal, of all that acts on the bytes of a case: the value of every key, the content
-// of each file that the configuration names, the version of imud, and [test] as it is declared. Paths, and the keys
-// [control] and [web], do not act on them. `config`: config_of() the case. The digests of files are kept while the
-// file's size and time of change stay. Throws OpenError if a file cannot be read. Any thread may call it.
+// of each file that the configuration names, the version of imud, and [test] as it is declared. Paths, the ports of
+// imus, which no case opens, and the keys [control] and [web] do not act on them. `config`: config_of() the case. The
+// digests of files are kept while the file's size and time of change stay. Throws OpenError if a file cannot be read.
+// Any thread may call it.
 std::string identity_of(const Campaign& campaign, const Config& config);
 std::string identity_of(const Campaign& campaign, const CampaignCase& c);
 // Returns what the identities of cases that differ in the seed alone have in common; and the identity of one of them.
 std::string identity_without_seed(const Campaign& campaign, const Config& config);
 std::string identity_with_seed(const std::string& without_seed, std::uint64_t seed);
+// Returns a text that another content of the capture changes. Throws OpenError if it cannot be read.
+std::string capture_digest(const TruthConfig& truth);
 
 }  // namespace imud

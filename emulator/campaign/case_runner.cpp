@@ -15,6 +15,7 @@
 #include "emulator/config/scenario.hpp"
 #include "emulator/engine/closing.hpp"
 #include "emulator/faults/fault_labels.hpp"
+#include "emulator/ground/text_file.hpp"
 #include "emulator/record/recorder.hpp"
 #include "emulator/record/twin_rows.hpp"
 #include "emulator/seeds/seed_checks.hpp"
@@ -79,7 +80,9 @@ struct CasePorts {
 }  // namespace
 
 const Config& CaseRunner::prepare(const CampaignCase& one) {
-  if (prepared_ && prepared_->at == one.at && prepared_->draw == one.draw) {
+  // Decoded truths agree with the identity, whatever happens to the file.
+  if (prepared_ && prepared_->at == one.at && prepared_->draw == one.draw &&
+      (prepared_->truths || capture_digest(prepared_->truth) == prepared_->capture)) {
     prepared_->config.seed = one.seed;
     return prepared_->config;
   }
@@ -93,7 +96,8 @@ const Config& CaseRunner::prepare(const CampaignCase& one) {
   check_begins_by_host(config, next.repeats);
   check_seed_ports(config, next.repeats, false, true);
   next.truth = config.truth;
-  if (last && last->truths && reads_the_same(last->truth, config.truth))
+  next.capture = capture_digest(next.truth);
+  if (last && last->truths && last->capture == next.capture && reads_the_same(last->truth, config.truth))
     next.truths = last->truths;
   else if (auto truths = next.repeats ? std::nullopt : store_truths(config.truth))
     next.truths = std::make_shared<const StoredTruths>(std::move(*truths));
@@ -105,7 +109,18 @@ const Config& CaseRunner::prepare(const CampaignCase& one) {
     imu.also.clear();
   }
   prepared_ = std::move(next);
+  try {
+    check_capture_is_same();
+  } catch (...) {
+    prepared_.reset();
+    throw;
+  }
   return prepared_->config;
+}
+
+void CaseRunner::check_capture_is_same() const {
+  if (capture_digest(prepared_->truth) != prepared_->capture)
+    throw OpenError(fmt::format("{}: has changed while the case read it", prepared_->truth.port));
 }
 
 void CaseRunner::compute_true_sums() {
@@ -164,6 +179,7 @@ std::optional<CaseRunner::Result> CaseRunner::run(std::uint64_t index, const std
     };
     replay.run(
         config, [&](const PortUse& use) { return ports.open(use); }, stop, end);
+    if (replay.truths == nullptr) check_capture_is_same();
     if (recorder) recorder->finish();
     Outcome& outcome = summary.whole->outcome;
     if (outcome.ended_by == EndedBy::signal) return std::nullopt;

@@ -23,7 +23,8 @@ class CaseRunner {
   explicit CaseRunner(const Campaign& campaign) : campaign_(campaign) {}
 
   // Reads the configuration and the capture of a case. Returns its
-  // configuration, valid until the next call. Throws ConfigError or PortError.
+  // configuration, valid until the next call. Throws ConfigError or PortError,
+  // and OpenError if the capture changes meanwhile.
   const Config& prepare(const CampaignCase& one);
 
   struct Result {
@@ -48,11 +49,13 @@ class CaseRunner {
     std::string identity;                        // identity_without_seed()
     std::shared_ptr<const StoredTruths> truths;  // nullptr: each run reads the capture
     TruthConfig truth;                           // by which the capture was read
+    std::string capture;                         // capture_digest() of `truth`
     bool repeats = false;                        // the capture is a record, whose run is repeated
     std::vector<double> line_loads;
     std::vector<TrueSums> sums;  // of each imu; empty: to be computed
   };
   void compute_true_sums();
+  void check_capture_is_same() const;
 
   const Campaign& campaign_;
   std::optional<Prepared> prepared_;

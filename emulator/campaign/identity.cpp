@@ -54,47 +54,55 @@ bool is_file_at(const std::string& path) {
   return ::stat(path.c_str(), &file) == 0 && S_ISREG(file.st_mode);
 }
 
-// Returns a port's text with the digest of its file in place of the path if it is read, else without its path.
-std::string without_path(const std::string& port, bool is_read, FileDigests& digests) {
+FileDigests& file_digests() {
+  static FileDigests digests;
+  return digests;
+}
+
+// Returns the text of a port that is read, with the digest of its file in place of the path.
+std::string with_digest(const std::string& port) {
   const Transport* transport = transport_of(port);
   if (transport == nullptr || !transport->has_path) return port;
   const std::size_t begin = transport->name.size() + 1;
   const std::size_t end = std::min(port.find('?'), port.size());
-  const std::string path = port.substr(begin, end - begin);
-  return port.substr(0, begin) + (is_read ? digests.of(path) : std::string()) + port.substr(end);
+  return port.substr(0, begin) + file_digests().of(port.substr(begin, end - begin)) + port.substr(end);
 }
 
+// Returns what is left of the text of a port that no case opens: the settings behind "?".
+std::string settings_of(const std::string& port) { return port.substr(std::min(port.find('?'), port.size())); }
+
 // Replaces the path of each file by the file's digest.
-void replace_paths(toml::node& node, std::string_view key, bool is_truth, FileDigests& digests) {
+void replace_paths(toml::node& node, std::string_view key, bool is_truth) {
   if (auto* table = node.as_table())
-    for (auto&& [name, value] : *table) replace_paths(value, name.str(), is_truth || name == "truth", digests);
+    for (auto&& [name, value] : *table) replace_paths(value, name.str(), is_truth || name == "truth");
   if (auto* array = node.as_array())
-    for (toml::node& item : *array) replace_paths(item, key, is_truth, digests);
+    for (toml::node& item : *array) replace_paths(item, key, is_truth);
   auto* text = node.as_string();
   if (text == nullptr) return;
   const bool is_port = key == "port" || key == "second_port" || key == "also";
   if (is_port) {
-    *text = without_path(text->get(), is_truth, digests);
-  } else if (const bool may_be_path = text->get().find('/') != std::string::npos || key.ends_with("_file") ||
-                                      key == "gnss_almanac" || key == "model";
+    *text = is_truth ? with_digest(text->get()) : settings_of(text->get());
+  } else if (const bool may_be_path =
+                 text->get().find('/') != std::string::npos || key.ends_with("_file") || key == "gnss_almanac";
              may_be_path && is_file_at(text->get())) {
-    *text = digests.of(text->get());
+    *text = file_digests().of(text->get());
   }
 }
 
 }  // namespace
 
 std::string identity_without_seed(const Campaign& campaign, const Config& config) {
-  static FileDigests digests;
   toml::table all = toml::parse(config.resolved());
   all.erase("control");
   all.erase("web");
   all.erase("seed");
-  replace_paths(all, "", false, digests);
+  replace_paths(all, "", false);
   std::string text = fmt::format("imud {}\n{}", IMUD_VERSION, toml_text(std::move(all)));
   if (campaign.test) text += fmt::format("test {}\n{}\n", campaign.test->time_limit_s, campaign.test->command);
   return sha256(text);
 }
+
+std::string capture_digest(const TruthConfig& truth) { return with_digest(truth.port); }
 
 std::string identity_with_seed(const std::string& without_seed, std::uint64_t seed) {
   return sha256(fmt::format("{} seed {}", without_seed, seed));

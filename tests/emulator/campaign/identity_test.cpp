@@ -51,6 +51,19 @@ TEST_F(CampaignIdentity, EachInputChangesIt) {
   EXPECT_TRUE(is_new(identity(plan)));
 }
 
+// No case opens the port of an imu, and a model is no file.
+TEST_F(CampaignIdentity, PortsThatAreNotOpenedDoNotChangeIt) {
+  const std::string before = identity("");
+  EXPECT_EQ(identity("set = [\"imu.0.port=udp:127.0.0.1:9000\"]\n"), before);
+  EXPECT_EQ(identity("set = [\"imu.0.port=file:elsewhere.bin\"]\n"), before);
+  const std::filesystem::path here = std::filesystem::current_path();
+  std::filesystem::current_path(folder_);
+  const std::string white = identity("set = [\"imu.0.model=white\"]\n");
+  write("white", "no model");
+  EXPECT_EQ(identity("set = [\"imu.0.model=white\"]\n"), white);
+  std::filesystem::current_path(here);
+}
+
 // A file that a key of the configuration names.
 TEST_F(CampaignIdentity, AFileOfAKeyChangesIt) {
   const auto dbc = [](int scale) {
