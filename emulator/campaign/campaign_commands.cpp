@@ -105,7 +105,10 @@ void CampaignCommands::add_run(CLI::App& campaign) {
   CLI::App* repeat =
       campaign.add_subcommand("repeat", "Run one case alone, print its row, and compare it with the stored one");
   repeat->add_option("PLAN", plan_, "Folder of the results, or plan of the campaign")->required();
-  repeat->add_option("CASE", case_, "Number of the case")->required();
+  repeat->add_option("CASE", case_, "Number of the case")->required()->check([](const std::string& text) {
+    const bool is_number = !text.empty() && text.find_first_not_of("0123456789") == text.npos;
+    return is_number ? std::string() : "give the number of a case, such as 17";
+  });
   repeat->add_option("--record", record_, "Also record the run as pcapng, which Wireshark opens and replay repeats")
       ->type_name("FILE");
   repeat_ = repeat;

@@ -4,7 +4,9 @@
 #include <algorithm>
 #include <filesystem>
 #include <map>
+#include <nlohmann/json.hpp>
 #include <set>
+#include <string_view>
 #include <utility>
 
 #include "emulator/campaign/axes.hpp"
@@ -34,6 +36,15 @@ std::string file_in(TableReader& table, std::string_view key, const std::string&
   std::string path = path_from_plan(folder, text);
   if (const std::string missing = missing_file(path); !missing.empty()) table.fault(key, missing);
   return path;
+}
+
+bool is_utf8(const std::string& text) {
+  try {
+    static_cast<void>(nlohmann::json(text).dump());
+    return true;
+  } catch (const nlohmann::json::type_error&) {
+    return false;
+  }
 }
 
 SeedRange read_seeds(TableReader& table) {
@@ -86,13 +97,50 @@ std::optional<CampaignDraws> read_draws(TableReader table, const toml::node* nod
   return draws;
 }
 
-// Adds a fault for each name that two axes have, and for each key that two of them set.
+// Returns the names of the imus of the base; none if it cannot be read, which try_cases() says.
+std::vector<std::string> names_of_imus(const Campaign& campaign) {
+  std::vector<std::string> names;
+  Faults unused("");
+  try {
+    const ConfigText base = read_config_text(campaign.base, campaign.overrides, unused);
+    if (const toml::array* imus = base.root["imu"].as_array())
+      for (const toml::node& imu : *imus) {
+        const std::string by_number = fmt::format("imu{}", names.size() + 1);
+        const toml::table* table = imu.as_table();
+        names.push_back(table == nullptr ? by_number : (*table)["name"].value_or(by_number));
+      }
+  } catch (const ConfigError&) {
+    return {};
+  }
+  return names;
+}
+
+// Returns a key with the number of the imu in place of its name, for each imu that it sets.
+std::vector<std::string> keys_by_number(const std::string& key, const std::vector<std::string>& imus) {
+  constexpr std::string_view prefix = "imu.";
+  if (!key.starts_with(prefix)) return {key};
+  const std::string_view path = std::string_view(key).substr(prefix.size());
+  std::vector<std::string> all;
+  for (std::size_t i = 0; i < imus.size(); ++i)
+    for (const std::string& step : {std::string("*"), fmt::to_string(i), imus[i]})
+      if (path.starts_with(step + ".")) {
+        all.push_back(fmt::format("imu.{}.{}", i, path.substr(step.size() + 1)));
+        break;
+      }
+  return all.empty() ? std::vector{key} : all;
+}
+
+// Adds a fault for each name that two axes have, and for each key that two of them set, however it is spelt.
 void check_names(const Campaign& campaign, Faults& faults) {
+  const std::vector<std::string> imus = names_of_imus(campaign);
   std::map<std::string, std::string> owners;  // by name or key: the axis
   const auto claim = [&](const std::string& name, const std::string& owner, std::uint32_t line) {
-    const auto [at, is_new] = owners.emplace(name, owner);
-    if (!is_new && at->second != owner)
-      faults.add(line, owner, fmt::format("{} is varied by {}, too; give it once", name, at->second));
+    bool is_said = false;
+    for (const std::string& key : keys_by_number(name, imus)) {
+      const auto [at, is_new] = owners.emplace(key, owner);
+      if (!is_new && at->second != owner && !std::exchange(is_said, true))
+        faults.add(line, owner, fmt::format("{} is varied by {}, too; give it once", name, at->second));
+    }
   };
   for (const CampaignAxis& axis : campaign.axes) {
     const std::string owner = "axes." + axis.name;
@@ -104,8 +152,10 @@ void check_names(const Campaign& campaign, Faults& faults) {
     for (const std::string& key : keys) claim(key, owner, axis.line);
   }
   if (!campaign.draws) return;
-  for (const DrawnKey& drawn : campaign.draws->keys)
-    claim(drawn.key(), "draws.keys." + drawn.key(), campaign.draws->line);
+  for (const DrawnKey& drawn : campaign.draws->keys) {
+    const std::string owner = "draws.keys." + drawn.key(), assignment = override_of(drawn.key(), "");
+    claim(assignment.substr(0, assignment.size() - 1), owner, campaign.draws->line);
+  }
 }
 
 void check_size(const Campaign& campaign, Faults& faults) {
@@ -159,6 +209,8 @@ Campaign read_campaign(const std::string& path) {
   Campaign campaign;
   campaign.file = std::filesystem::absolute(path).lexically_normal().string();
   campaign.sha256 = text.sha256;
+  if (!is_utf8(campaign.file))
+    throw ConfigError({fmt::format("{}: its path must be UTF-8, as the results have it; rename the folder", path)});
   const std::string folder = std::filesystem::path(campaign.file).parent_path().string();
   require(plan, "base", "the configuration of all cases, for example \"imud.toml\"");
   campaign.base = file_in(plan, "base", folder, plan.text("base", ""));

@@ -165,6 +165,33 @@ count = 2
                 "give it once"});
 }
 
+TEST_F(ReadCampaign, AKeyOfAnImuIsVariedOnceHoweverItIsSpelt) {
+  const auto both = [&](const std::string& a, const std::string& b) {
+    return faults(fmt::format("[axes]\n\"{}\" = [1, 2]\n\"{}\" = [3, 4]\n", a, b));
+  };
+  write("imu.toml", base + "[[imu]]\nname = \"tail.2\"\n");
+  for (const auto& [a, b] : {std::pair("imu.imu1.rate_hz", "imu.0.rate_hz"),
+                             {"imu.*.rate_hz", "imu.imu1.rate_hz"},
+                             {"imu.tail.2.rate_hz", "imu.*.rate_hz"},
+                             {"imu.1.rate_hz", "imu.tail.2.rate_hz"}})
+    expect_parts(both(a, b),
+                 {fmt::format("plan.toml:5: axes.{}: {} is varied by axes.{}, too; give it once", b, b, a)});
+  expect_parts(both("imu.0.rate_hz", "imu.1.rate_hz"), {});
+  expect_parts(both("imu.0.rate_hz", "imu.tail.2.rate_hz"), {});
+  expect_parts(
+      faults("[axes]\n\"imu.imu1.rate_hz\" = [1, 2]\n[draws]\ncount = 2\n[draws.keys]\n\"imu.*.rate_hz\" = { "
+             "distribution = \"uniform\", from = 1, to = 2 }\n"),
+      {"plan.toml:5: draws.keys.imu.*.rate_hz: imu.*.rate_hz is varied by axes.imu.imu1.rate_hz, too"});
+}
+
+TEST_F(ReadCampaign, EqualNumbersAreOneValue) {
+  expect_parts(faults("[axes]\na = [1, 1.0]\nb = [[1, 2], [1.0, 2]]\nc = [1, 1.5, \"x\"]\n"
+                      "d = [9007199254740992, 9007199254740993]\n"
+                      "e = { from = 1, to = 1.0000000000000004, count = 9 }\n"),
+               {"plan.toml:4: axes.a: has the value 1.0 twice", "plan.toml:5: axes.b: has the value [1.0, 2] twice",
+                "plan.toml:8: axes.e: has the value 1 twice; give fewer values, or ends further apart"});
+}
+
 // The name of a part of a range is a key of the configuration, too.
 TEST_F(ReadCampaign, AKeyCalledFromIsNoRange) {
   const Campaign campaign = read("[axes]\ntruth.from = [\"127.0.0.1\", \"127.0.0.2\"]\n");
