@@ -93,8 +93,7 @@ CampaignStatus status_of(const ResultFolder& folder) {
       if (!result.could_not_be_run) ++status.cases_done;
     }
   }
-  for (const auto& [file, cases] : listing.temporaries)
-    if (!file.is_left_behind()) status.running.push_back(file);
+  for (const auto& [file, cases] : listing.temporaries) status.running.push_back(file);
   const std::uint64_t missing = folder.campaign().cases - status.cases_done;
   if (!status.running.empty() && missing > 0) status.left_s = time_left_s(std::move(ends), missing);
   return status;
@@ -105,7 +104,9 @@ int campaign_status(const std::string& path, bool as_json) {
   const CampaignStatus status = status_of(folder);
   TextFile("-").write(as_json ? json_of(status, folder.campaign()).dump(1) + "\n"
                               : text_of(status, folder.campaign()));
-  return status.cases_done == folder.campaign().cases ? 0 : 3;
+  const bool is_good =
+      status.cases_done == folder.campaign().cases && status.expectations_failed == 0 && status.incomplete == 0;
+  return is_good ? 0 : 3;
 }
 
 }  // namespace imud

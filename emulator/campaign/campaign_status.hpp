@@ -24,8 +24,8 @@ struct CampaignStatus {
 // Reads all shards.
 CampaignStatus status_of(const ResultFolder& folder);
 
-// Prints the status. Returns 0 if all cases are done and none has failed to run, otherwise 3. Throws OpenError if
-// there is no campaign.
+// Prints the status. Returns 0 if all cases are done, none is incomplete and all expectations hold, otherwise 3.
+// Throws OpenError if there is no campaign.
 int campaign_status(const std::string& folder, bool as_json);
 
 }  // namespace imud

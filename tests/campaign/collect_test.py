@@ -225,7 +225,8 @@ class TableTest(unittest.TestCase):
 
     def test_an_old_table_stays_until_the_new_one_is_whole(self):
         with Folder() as folder:
-            write_all(folder.path / "c", ['{"case": 0, "exit_code": 0}', '{"case": 1, "figures": [1, {]}'], 2)
+            begin = '"seed":1,"exit_code":0,"ended_by":"end_of_capture","digest":{},"figures":'  # a good result
+            write_all(folder.path / "c", ['{"case":0,' + begin + "{}}", '{"case":1,' + begin + "[1, {]}"], 2)
             (folder.path / "t.csv").write_text("old")
             done = folder.run("collect", "c", "--csv", "t.csv", "--sqlite", "t.db", expected=1)
             self.assertIn("case 1: its row cannot be read", done.stderr)

@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <chrono>
 #include <cstring>
 #include <fstream>
 #include <iterator>
@@ -22,15 +23,27 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-std::string text_of(const CampaignDescription& campaign) {
+std::string text_of(const CampaignDescription& campaign, const std::filesystem::path& folder) {
+  std::error_code error;
+  const std::filesystem::path from_folder = std::filesystem::relative(campaign.plan, folder, error);
   return Json({{"campaign", 1},
                {"plan", campaign.plan},
+               {"plan_from_folder", error ? std::string() : from_folder.string()},
                {"plan_sha256", campaign.plan_sha256},
                {"cases", campaign.cases},
                {"batch", campaign.batch},
                {"version", campaign.version}})
-             .dump(1) +
+             .dump(1, ' ', false, Json::error_handler_t::replace) +
          "\n";
+}
+
+// Nobody can ask another host whether a process runs: its file counts for a day.
+bool is_left_behind(const std::filesystem::path& file, const TemporaryFile& name) {
+  if (name.is_left_behind()) return true;
+  constexpr std::chrono::hours longest(24);
+  std::error_code error;
+  const auto written = std::filesystem::last_write_time(file, error);
+  return !error && std::filesystem::file_time_type::clock::now() - written > longest;
 }
 
 std::string content_of(const std::filesystem::path& path) {
@@ -72,10 +85,10 @@ ResultFolder::ResultFolder(const std::filesystem::path& path, const CampaignDesc
   try {
     std::filesystem::create_directories(shards_path());
     check_writable();
-    write_once(path_ / "campaign.json", text_of(campaign));
+    write_once(path_ / "campaign.json", text_of(campaign, path_));
     read_description();
     require_same(campaign, plan_text);
-    write_once(path_ / "plan.toml", plan_text);
+    keep_plan(plan_text);
   } catch (const std::filesystem::filesystem_error& error) {
     throw OpenError(fmt::format("{}: {}", shards_path().string(), error.code().message()));
   } catch (const OpenError&) {
@@ -85,10 +98,22 @@ ResultFolder::ResultFolder(const std::filesystem::path& path, const CampaignDesc
   }
 }
 
+void ResultFolder::keep_plan(std::string_view plan_text) const {
+  if (::access((path_ / "plan.toml").c_str(), F_OK) == 0) return;
+  try {
+    write_once(path_ / "plan.toml", plan_text);
+  } catch (const std::runtime_error& error) {
+    throw OpenError(error.what());
+  }
+}
+
 void ResultFolder::require_same(const CampaignDescription& campaign, std::string_view plan_text) const {
   std::vector<std::string> differences;
+  const std::filesystem::path copy = path_ / "plan.toml";
   if (campaign_.plan_sha256 != campaign.plan_sha256)
-    differences.push_back(first_difference(content_of(path_ / "plan.toml"), std::string(plan_text)));
+    differences.push_back(::access(copy.c_str(), F_OK) != 0
+                              ? fmt::format("the plan is another one ({} is missing there)", copy.string())
+                              : first_difference(content_of(copy), std::string(plan_text)));
   if (campaign_.version != campaign.version)
     differences.push_back(fmt::format("imud is {} there and {} here", campaign_.version, campaign.version));
   if (campaign_.plan_sha256 == campaign.plan_sha256 && campaign_.cases != campaign.cases)
@@ -106,7 +131,8 @@ void ResultFolder::read_description() {
   try {
     const Json json = Json::parse(content_of(file));
     if (json.at("campaign") != 1) throw OpenError(fmt::format("{}: is of another version of imud", file.string()));
-    campaign_ = {json.at("plan"), json.at("plan_sha256"), json.at("cases"), json.at("batch"), json.at("version")};
+    campaign_ = {json.at("plan"),  json.at("plan_sha256"), json.at("cases"),
+                 json.at("batch"), json.at("version"),     json.value("plan_from_folder", "")};
   } catch (const nlohmann::json::exception&) {
     throw OpenError(fmt::format("{}: is damaged; give another folder", file.string()));
   }
@@ -129,7 +155,8 @@ ResultFolder::Listing ResultFolder::list() const {
     if (const auto cases = cases_of_shard(name); cases && *cases == campaign_.shard_of(cases->first)) {
       listing.shards.push_back(*cases);
     } else if (auto temporary = TemporaryFile::parse(name)) {
-      if (const auto of = cases_of_shard(temporary->name + ".jsonl"))
+      if (const auto of = cases_of_shard(temporary->name + ".jsonl");
+          of && !is_left_behind(entry.path(), *temporary) && !is_older_than_its_shard(entry.path(), *of))
         listing.temporaries.emplace_back(std::move(*temporary), *of);
     } else {
       listing.others.push_back(name);
@@ -137,6 +164,21 @@ ResultFolder::Listing ResultFolder::list() const {
   }
   std::ranges::sort(listing.shards, {}, &CaseRange::first);
   return listing;
+}
+
+std::vector<CaseRange> ResultFolder::at_work() const {
+  std::vector<CaseRange> all;
+  for (const auto& [file, cases] : list().temporaries) all.push_back(cases);
+  std::ranges::sort(all, {}, &CaseRange::first);
+  all.erase(std::unique(all.begin(), all.end()), all.end());
+  return all;
+}
+
+bool ResultFolder::is_older_than_its_shard(const std::filesystem::path& file, const CaseRange& shard) const {
+  std::error_code no_file, no_shard;
+  const auto written = std::filesystem::last_write_time(file, no_file);
+  const auto whole = std::filesystem::last_write_time(shards_path() / shard_name(shard), no_shard);
+  return !no_file && !no_shard && whole > written;
 }
 
 bool ResultFolder::has(const CaseRange& shard) const {
@@ -149,6 +191,12 @@ std::optional<Shard> ResultFolder::read(const CaseRange& shard, std::string& fau
     fault = "is of another plan or another version of imud";
     return std::nullopt;
   }
+  for (std::size_t i = 0; read && i < read->rows.size(); ++i) try {
+      static_cast<void>(RowResult(read->rows[i]));
+    } catch (const nlohmann::json::exception&) {
+      fault = fmt::format("has no result in the row of case {}", shard.first + i);
+      return std::nullopt;
+    }
   return read;
 }
 
@@ -158,7 +206,8 @@ std::size_t ResultFolder::remove_left_behind() const {
   for (const std::filesystem::path& folder : {path_, shards_path()})
     for (const auto& entry : std::filesystem::directory_iterator(folder, error)) {
       const auto temporary = TemporaryFile::parse(entry.path().filename().string());
-      if (temporary && temporary->is_left_behind() && std::filesystem::remove(entry.path(), error)) ++removed;
+      if (temporary && is_left_behind(entry.path(), *temporary) && std::filesystem::remove(entry.path(), error))
+        ++removed;
     }
   return removed;
 }

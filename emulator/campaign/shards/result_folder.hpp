@@ -20,8 +20,9 @@ struct CampaignDescription {
   std::string plan;         // absolute path
   std::string plan_sha256;  // of its text
   std::uint64_t cases = 0;
-  std::uint64_t batch = 1;  // cases of a shard; the last shard may have fewer
-  std::string version;      // of imud
+  std::uint64_t batch = 1;            // cases of a shard; the last shard may have fewer
+  std::string version;                // of imud
+  std::string plan_from_folder = {};  // the plan's path relative to the folder; empty if there is none
 
   // Returns the shard that has a case.
   CaseRange shard_of(std::uint64_t index) const noexcept;
@@ -46,24 +47,32 @@ class ResultFolder {
   std::filesystem::path shards_path() const { return path_ / "shards"; }
   // Throws OpenError, with what differs, if the folder has another campaign.
   void require_same(const CampaignDescription& campaign, std::string_view plan_text) const;
+  // Writes the copy of the plan, if a process has ended before it did. Throws OpenError.
+  void keep_plan(std::string_view plan_text) const;
   // Throws OpenError if no file can be created in the folder of the shards.
   void check_writable() const;
 
   // The shards and temporary files that are there.
   struct Listing {
-    std::vector<CaseRange> shards;                                 // ascending; whole by their name alone
-    std::vector<std::pair<TemporaryFile, CaseRange>> temporaries;  // of shards
-    std::vector<std::string> others;                               // names that belong to no campaign
+    std::vector<CaseRange> shards;  // ascending; whole by their name alone
+    std::vector<std::pair<TemporaryFile, CaseRange>>
+        temporaries;                  // of shards at work: neither left behind nor older than their shard
+    std::vector<std::string> others;  // names that belong to no campaign
   };
   Listing list() const;
+  // Returns the shards at which other processes are at work, ascending and each once.
+  std::vector<CaseRange> at_work() const;
   bool has(const CaseRange& shard) const;
-  // Reads a shard of this campaign; nullopt with the reason in `fault` if it is not whole, or of another campaign.
+  // Reads a shard of this campaign; nullopt with the reason in `fault` if it is not whole, has a row that is no
+  // result, or is of another campaign.
   std::optional<Shard> read(const CaseRange& shard, std::string& fault) const;
-  // Removes the temporary files that processes of this host have left behind. Returns how many.
+  // Removes the temporary files that processes of this host have left behind, and any that nobody has written for a
+  // day. Returns how many.
   std::size_t remove_left_behind() const;
 
  private:
   void read_description();
+  bool is_older_than_its_shard(const std::filesystem::path& file, const CaseRange& shard) const;
 
   std::filesystem::path path_;
   CampaignDescription campaign_;

@@ -144,6 +144,7 @@ TEST_F(CampaignRuns, RowsDoNotDependOnProcessesAndPieces) {
   EXPECT_EQ(Json::parse(read_file(path("one/campaign.json"))),
             Json({{"campaign", 1},
                   {"plan", path("plan.toml")},
+                  {"plan_from_folder", "../plan.toml"},
                   {"plan_sha256", sha256_of(read_file(path("plan.toml")))},
                   {"cases", 24},
                   {"batch", 4},
