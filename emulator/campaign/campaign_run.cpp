@@ -1,6 +1,7 @@
 #include "emulator/campaign/campaign_run.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
@@ -13,13 +14,16 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <set>
+#include <stdexcept>
 #include <string_view>
 #include <thread>
 #include <utility>
+#include <vector>
 
 #include "emulator/campaign/case_runner.hpp"
 #include "emulator/campaign/cases/case_figures.hpp"
 #include "emulator/campaign/missing_cases.hpp"
+#include "emulator/config/config_text.hpp"
 #include "emulator/ground/text_file.hpp"
 #include "emulator/seeds/seed_results.hpp"
 #include "emulator/seeds/worker_processes.hpp"
@@ -79,31 +83,38 @@ class ShardsAtWork {
     const std::size_t number = cases_.shard_of(item);
     const ShardToWrite& shard = cases_.shards()[number];
     if (is_done(number)) return;
-    AtWork& at_work = at_work_.try_emplace(number, shard.kept, shard.cases.first).first->second;
+    const auto [entry, is_new] = at_work_.try_emplace(number, shard.cases.first);
+    AtWork& at_work = entry->second;
+    if (is_new && shard.kept() > 0) at_work.rows = rows_that_stay(shard);
     const std::uint64_t index = shard.case_of_item(item - shard.before);
+    const bool has_failed = RowResult(row).could_not_be_run;
     if (index < at_work.next || !at_work.rows.emplace(index, std::move(row)).second) return;
     ++done_;
+    at_work.failed += has_failed ? 1 : 0;
     if (!at_work.writer)
       at_work.writer = std::make_unique<ShardWriter>(folder_.shards_path(), folder_.campaign().head(shard.cases));
     for (auto row = at_work.rows.begin(); row != at_work.rows.end() && row->first == at_work.next;
          row = at_work.rows.erase(row), ++at_work.next)
       at_work.writer->add(row->second);
     if (at_work.next <= shard.cases.last) return;
-    at_work.writer->commit();
+    if (!is_there_as_good(shard, at_work.failed)) {
+      at_work.writer->commit();
+      ++written_;
+    }
     end(number);
-    ++written_;
   }
-  // Another process has written the shard of the item.
-  void leave(std::uint64_t item) {
+  // Another process has written the shard of the item. Returns false if that was known.
+  bool leave(std::uint64_t item) {
     const std::size_t number = cases_.shard_of(item);
-    if (is_done(number)) return;
+    if (is_done(number)) return false;
     const auto at_work = at_work_.find(number);
     const ShardToWrite& shard = cases_.shards()[number];
     const std::uint64_t had = at_work == at_work_.end() ? 0
                                                         : at_work->second.next - shard.cases.first +
-                                                              at_work->second.rows.size() - shard.kept.size();
+                                                              at_work->second.rows.size() - shard.kept();
     done_ += shard.items() - had;
     end(number);
+    return true;
   }
 
   bool has(std::uint64_t item) const {
@@ -116,19 +127,44 @@ class ShardsAtWork {
     return index < at_work->second.next || at_work->second.rows.contains(index);
   }
   std::uint64_t done() const noexcept { return done_; }        // items
+  std::uint64_t stored() const noexcept { return stored_; }    // items in shards that are whole
   std::uint64_t written() const noexcept { return written_; }  // shards
   bool are_all_done() const noexcept { return ended_ == cases_.shards().size(); }
 
  private:
   struct AtWork {
-    AtWork(const std::map<std::uint64_t, std::string>& kept, std::uint64_t first) : rows(kept), next(first) {}
-    std::map<std::uint64_t, std::string> rows;  // that have come, and are not written, by their cases
-    std::uint64_t next;                         // the case of the next row to write
+    explicit AtWork(std::uint64_t first) : next(first) {}
+    std::map<std::uint64_t, std::string> rows = {};  // that have come, and are not written, by their cases
+    std::uint64_t next;                              // the case of the next row to write
+    std::uint64_t failed = 0;                        // cases that could not be run
     std::unique_ptr<ShardWriter> writer;
   };
   bool is_done(std::size_t number) const { return number < first_not_done_ || (done_ahead_.contains(number)); }
+  std::map<std::uint64_t, std::string> rows_that_stay(const ShardToWrite& shard) const {
+    std::string fault;
+    std::optional<Shard> there = folder_.read(shard.cases, fault);
+    if (!there)
+      throw std::runtime_error(fmt::format("{} {} since this began; try again", shard_name(shard.cases), fault));
+    std::map<std::uint64_t, std::string> rows;
+    for (std::uint64_t index = shard.cases.first; index <= shard.cases.last; ++index)
+      if (!std::ranges::binary_search(shard.to_run, index))
+        rows.emplace(index, std::move(there->rows[index - shard.cases.first]));
+    return rows;
+  }
+  // Returns true if another process has written the shard meanwhile, with as few cases that could not be run.
+  bool is_there_as_good(const ShardToWrite& shard, std::uint64_t failed) const {
+    if (!folder_.has(shard.cases)) return false;
+    std::string fault;
+    const std::optional<Shard> there = folder_.read(shard.cases, fault);
+    if (!there) return false;
+    const auto failed_there =
+        std::ranges::count_if(there->rows, [](const std::string& row) { return RowResult(row).could_not_be_run; });
+    const auto most = static_cast<std::ptrdiff_t>(failed);
+    return shard.replaces ? failed_there < most : failed_there <= most;
+  }
   void end(std::size_t number) {
     at_work_.erase(number);
+    stored_ += cases_.shards()[number].items();
     ++ended_;
     done_ahead_.insert(number);
     while (done_ahead_.erase(first_not_done_) > 0) ++first_not_done_;
@@ -139,8 +175,27 @@ class ShardsAtWork {
   std::map<std::size_t, AtWork> at_work_;  // by the number of the shard
   std::size_t first_not_done_ = 0;
   std::set<std::size_t> done_ahead_;  // shards behind it that are done
-  std::uint64_t done_ = 0, written_ = 0, ended_ = 0;
+  std::uint64_t done_ = 0, stored_ = 0, written_ = 0, ended_ = 0;
 };
+
+// Throws OpenError if the missing cases do not fit the disk. Rows that are there say how long one is.
+void require_room_for(const MissingCases& missing, const ResultFolder& folder, const Campaign& campaign,
+                      CaseRunner& runner) {
+  const MissingCases::Kept& kept = missing.kept();
+  if (missing.items() == 0) return;
+  double row_bytes = 0;
+  if (kept.rows > 0) {
+    row_bytes = static_cast<double>(kept.bytes) / static_cast<double>(kept.rows);
+  } else {
+    try {
+      const Config& config = runner.prepare(case_of(campaign, missing.case_of(0)));
+      row_bytes = static_cast<double>(expected_row_size(campaign, config));
+    } catch (const std::exception&) {  // its row says why
+      return;
+    }
+  }
+  require_room(folder.path().string(), missing.items(), row_bytes);
+}
 
 // The text of a worker for a case that another process has done meanwhile, and for one that a signal has ended.
 constexpr std::string_view left_to_others = "-", was_stopped;
@@ -151,14 +206,18 @@ int run_missing(const ResultFolder& folder, const Campaign& campaign, CaseRunner
   std::signal(SIGXFSZ, SIG_IGN);  // a limit of the files' size is an error of the write, as a full disk is
   const HostTime begin = host_now();
   const CaseRange all = options.cases.value_or(CaseRange{0, folder.campaign().cases - 1});
-  const MissingCases missing(folder, all, campaign, runner);
+  if (!options.cases)
+    if (const std::size_t removed = folder.remove_left_behind(); removed > 0)
+      spdlog::info("{} temporary files of ended processes are removed", removed);
+  const MissingCases missing(folder, all, campaign);
+  require_room_for(missing, folder, campaign, runner);
   if (missing.items() < all.size())
     spdlog::info("{} of {} cases are done already", all.size() - missing.items(), all.size());
   ShardsAtWork shards(folder, missing);
   SeedProgress progress(missing.items(), options.quiet);
   const unsigned jobs = options.jobs > 0 ? options.jobs : std::max(1U, std::thread::hardware_concurrency());
-  int exit_code = 0;
-  std::uint64_t failed = 0, incomplete = 0;
+  int exit_code = missing.kept().exit_code;
+  std::uint64_t failed = 0, incomplete = missing.kept().incomplete;
   const auto take = [&](std::uint64_t item, std::string row) {
     constexpr std::uint64_t most_logged = 10;
     const RowResult result(row);
@@ -168,6 +227,12 @@ int run_missing(const ResultFolder& folder, const Campaign& campaign, CaseRunner
     else if (result.exit_code != 0)
       ++incomplete;
     shards.take(item, std::move(row));
+  };
+  const auto leave = [&](std::uint64_t item) {
+    if (!shards.leave(item)) return;
+    std::string fault;
+    if (const auto there = folder.read(missing.shards()[missing.shard_of(item)].cases, fault))
+      for (const std::string& row : there->rows) exit_code = worse_exit_code(exit_code, RowResult(row).exit_code);
   };
   const auto work = [&](std::size_t item) {
     const ShardToWrite& shard = missing.shards()[missing.shard_of(item)];
@@ -180,7 +245,7 @@ int run_missing(const ResultFolder& folder, const Campaign& campaign, CaseRunner
                                      .take =
                                          [&](std::size_t item, std::string text) {
                                            if (text == left_to_others)
-                                             shards.leave(item);
+                                             leave(item);
                                            else if (text != was_stopped && !shards.has(item))
                                              take(item, std::move(text));
                                          },
@@ -193,15 +258,17 @@ int run_missing(const ResultFolder& folder, const Campaign& campaign, CaseRunner
                                     missing.items()) &&
                         shards.are_all_done();
   if (!is_whole) {
-    spdlog::error("incomplete: it was ended after {} of {} cases; imud campaign resume {} does the others",
-                  shards.done(), missing.items(), folder.path().string());
+    spdlog::error(
+        "incomplete: it was ended after {} of {} cases; {} further ones are lost with their shards; imud campaign "
+        "resume {} does the others",
+        shards.stored(), missing.items(), shards.done() - shards.stored(), folder.path().string());
     exit_code = worse_exit_code(exit_code, 3);
   }
   const double duration_s = seconds(host_now() - begin);
   TextFile("-").write(
       fmt::format("ran      {:.3f} s, {} cases, {} shards\ncases    {} could not be run, {} incomplete or with "
                   "failed expectations\n",
-                  duration_s, shards.done(), shards.written(), failed, incomplete));
+                  duration_s, shards.stored(), shards.written(), failed, incomplete));
   return exit_code;
 }
 
@@ -233,9 +300,32 @@ ResultFolder open_result_folder(const std::string& folder, const Campaign& campa
 }
 
 Campaign campaign_of(const ResultFolder& folder) {
-  Campaign campaign = read_campaign(folder.campaign().plan);
+  const CampaignDescription& description = folder.campaign();
+  std::vector<std::string> places = {description.plan};
+  if (!description.plan_from_folder.empty())
+    places.push_back(
+        (std::filesystem::absolute(folder.path()) / description.plan_from_folder).lexically_normal().string());
+  const auto is_same = [&](const std::string& place) {
+    return sha256(text_of_plan(place)) == description.plan_sha256;
+  };
+  const auto is_file = [](const std::string& place) {
+    std::error_code error;
+    return std::filesystem::is_regular_file(place, error);
+  };
+  auto plan = std::ranges::find_if(places, is_same);
+  if (plan == places.end()) plan = std::ranges::find_if(places, is_file);
+  if (plan == places.end())
+    throw OpenError(
+        fmt::format("{0}: its plan is not at {1}; imud campaign run PLAN --into {0} takes it from its new "
+                    "place",
+                    folder.path().string(), fmt::join(places, ", nor at ")));
+  Campaign campaign = read_campaign(*plan);
   folder.require_same(description_of(campaign), text_of_plan(campaign.file));
   return campaign;
+}
+
+void keep_plan_of(const ResultFolder& folder, const Campaign& campaign) {
+  folder.keep_plan(text_of_plan(campaign.file));
 }
 
 int run_campaign(const std::string& plan, const std::string& folder, const CampaignRunOptions& options) {
@@ -251,7 +341,8 @@ int run_campaign(const std::string& plan, const std::string& folder, const Campa
   const CaseRange range = options.cases.value_or(CaseRange{0, description.cases - 1});
   const Config& config = runner.prepare(case_of(campaign, range.first));
   for (const std::string& warning : config.warnings) spdlog::warn("{}", warning);
-  require_room(folder, range.size(), static_cast<double>(expected_row_size(campaign, config)));
+  if (!ResultFolder::is_at(folder))
+    require_room(folder, range.size(), static_cast<double>(expected_row_size(campaign, config)));
   return run_missing(open_result_folder(folder, campaign), campaign, runner, options);
 }
 
@@ -259,8 +350,7 @@ int resume_campaign(const std::string& folder, const CampaignRunOptions& options
   const ResultFolder present(folder);
   const Campaign campaign = campaign_of(present);
   present.check_writable();
-  if (const std::size_t removed = present.remove_left_behind(); removed > 0)
-    spdlog::info("{} temporary files of ended processes are removed", removed);
+  keep_plan_of(present, campaign);
   CaseRunner runner(campaign);
   return run_missing(present, campaign, runner, options);
 }

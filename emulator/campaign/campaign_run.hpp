@@ -24,18 +24,21 @@ std::uint64_t batch_of(const Campaign& campaign) noexcept;
 void require_room(const std::string& folder, std::uint64_t cases, double row_bytes);
 // Makes the folder of a campaign, or opens it if it has the same plan. Throws OpenError.
 ResultFolder open_result_folder(const std::string& folder, const Campaign& campaign);
-// Reads the plan of a folder. Throws ConfigError, and OpenError if it, or imud, is not the one of the folder's
-// shards.
+// Reads the plan of a folder: at its path, or where it lies now if it was moved together with the folder. Throws
+// ConfigError, and OpenError if it, or imud, is not the one of the folder's shards.
 Campaign campaign_of(const ResultFolder& folder);
+// Writes the folder's copy of the plan if it is missing. Throws OpenError.
+void keep_plan_of(const ResultFolder& folder, const Campaign& campaign);
 
 // Runs the cases that are missing in the folder, are in a shard that is not whole, or could not be run before; in
-// processes, each of which runs many. Nobody else may have a part in the shards: two calls at the same time do some
-// cases twice, with the same results. Prints what was done, and the progress on standard error. Returns the worst
-// exit code of a case that was run; 3 if a signal has ended it. Throws ConfigError and PortError if the first of the
-// cases cannot be run, OpenError if the folder has another campaign, cannot be written, or has no room for the
-// results; std::runtime_error if a shard cannot be written.
+// processes, each of which runs many. Two calls at the same time do some cases twice, with the same results. Without
+// CampaignRunOptions::cases left-behind temporary files are removed first. Prints what was done, and the
+// progress on standard error. Returns the worst exit code of a case, whether it was run now or before; 3 if a
+// signal has ended it. Throws ConfigError and PortError if the first of the cases cannot be run, OpenError if the
+// folder has another campaign, cannot be written, or has no room for the results; std::runtime_error if a shard
+// cannot be written.
 int run_campaign(const std::string& plan, const std::string& folder, const CampaignRunOptions& options);
-// The same with the plan of the folder. First removes temporary files of processes that have ended on this host.
+// The same with the plan of the folder.
 int resume_campaign(const std::string& folder, const CampaignRunOptions& options);
 
 }  // namespace imud

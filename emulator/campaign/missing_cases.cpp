@@ -5,19 +5,21 @@
 
 #include <algorithm>
 #include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
 #include <utility>
 
-#include "emulator/campaign/case_runner.hpp"
+#include "emulator/campaign/campaign.hpp"
 #include "emulator/ground/text_file.hpp"
+#include "emulator/seeds/seed_results.hpp"
 
 namespace imud {
 
 namespace {
 
 // Throws OpenError if the configuration of a case is not the one that its row comes from.
-void check_identity(const std::string& row, std::uint64_t index, const Campaign& campaign, CaseRunner& runner) {
-  const std::string there = nlohmann::json::parse(row).at("identity");
-  const std::string here = identity_of(campaign, runner.prepare(case_of(campaign, index)));
+void check_identity(const std::string& there, std::uint64_t index, const Campaign& campaign) {
+  const std::string here = identity_of(campaign, case_of(campaign, index));
   if (there != here)
     throw OpenError(
         fmt::format("case {}: the plan is the same, but its configuration or a file that it names has changed since: "
@@ -25,42 +27,56 @@ void check_identity(const std::string& row, std::uint64_t index, const Campaign&
                     index, there, here));
 }
 
+// Moves the shards at which another process is at work behind the others.
+void put_last(std::vector<ShardToWrite>& shards, const std::vector<CaseRange>& at_work) {
+  std::stable_partition(shards.begin(), shards.end(), [&](const ShardToWrite& shard) {
+    return std::ranges::find(at_work, shard.cases) == at_work.end();
+  });
+}
+
 }  // namespace
 
-MissingCases::MissingCases(const ResultFolder& folder, const CaseRange& range, const Campaign& campaign,
-                           CaseRunner& runner) {
+MissingCases::MissingCases(const ResultFolder& folder, const CaseRange& range, const Campaign& campaign) {
   constexpr std::uint64_t most_logged = 10;
   std::uint64_t damaged = 0;
   for (std::uint64_t first = range.first; first <= range.last;) {
     const CaseRange cases = folder.campaign().shard_of(first);
     first = cases.last + 1;
     if (!folder.has(cases)) {
-      add({.cases = cases});
+      shards_.push_back({.cases = cases});
       continue;
     }
     std::string fault;
     std::optional<Shard> shard = folder.read(cases, fault);
     if (!shard) {
       if (++damaged <= most_logged) spdlog::warn("{} {}: its cases are run again", shard_name(cases), fault);
-      add({.cases = cases, .replaces = true});
+      shards_.push_back({.cases = cases, .replaces = true});
       continue;
     }
     ShardToWrite again{.cases = cases, .replaces = true};
-    for (std::uint64_t i = 0; i < cases.size(); ++i) {
-      if (RowResult(shard->rows[i]).could_not_be_run)
-        again.to_run.push_back(cases.first + i);
-      else
-        again.kept.emplace(cases.first + i, std::move(shard->rows[i]));
+    std::optional<std::uint64_t> checked;  // cases that differ in the seed alone
+    for (std::uint64_t index = cases.first; index <= cases.last; ++index) {
+      const std::string& row = shard->rows[index - cases.first];
+      const RowResult result(row);
+      if (result.could_not_be_run) {
+        again.to_run.push_back(index);
+        continue;
+      }
+      const std::uint64_t group = index / campaign.seeds.size();
+      if (checked != group) check_identity(nlohmann::json::parse(row).at("identity"), index, campaign);
+      checked = group;
+      ++kept_.rows;
+      kept_.bytes += row.size() + 1;
+      kept_.incomplete += result.exit_code != 0 ? 1 : 0;
+      kept_.exit_code = worse_exit_code(kept_.exit_code, result.exit_code);
     }
-    if (!again.kept.empty()) check_identity(again.kept.begin()->second, again.kept.begin()->first, campaign, runner);
-    if (!again.to_run.empty()) add(std::move(again));
+    if (!again.to_run.empty()) shards_.push_back(std::move(again));
   }
-}
-
-void MissingCases::add(ShardToWrite shard) {
-  shard.before = items_;
-  items_ += shard.items();
-  shards_.push_back(std::move(shard));
+  if (range.size() == campaign.cases()) put_last(shards_, folder.at_work());
+  for (ShardToWrite& shard : shards_) {
+    shard.before = items_;
+    items_ += shard.items();
+  }
 }
 
 std::size_t MissingCases::shard_of(std::uint64_t item) const noexcept {

@@ -83,8 +83,9 @@ class SlurmRun {
  public:
   SlurmRun(const ResultFolder& folder, const Campaign& campaign, StoredTasks stored, bool quiet)
       : folder_(folder), campaign_(campaign), stored_(std::move(stored)), progress_(!quiet), queue_(slurm_stop) {
-    CaseRunner runner(campaign);
-    const MissingCases missing(folder, {0, folder.campaign().cases - 1}, campaign, runner);
+    const MissingCases missing(folder, {0, folder.campaign().cases - 1}, campaign);
+    exit_code_ = missing.kept().exit_code;
+    incomplete_ = missing.kept().incomplete;
     std::set<std::uint64_t> tasks;
     for (const ShardToWrite& shard : missing.shards()) {
       cases_ += shard.cases.size();
@@ -288,7 +289,7 @@ int run_stored(const ResultFolder& folder, const Campaign& campaign, const Store
                const SlurmRunOptions& options) {
   const fs::path here = fs::absolute(folder.path()).lexically_normal();
   const SlurmScript script{.program = fs::read_symlink("/proc/self/exe").string(),
-                           .plan = folder.campaign().plan,
+                           .plan = campaign.file,
                            .folder = here.string(),
                            .logs = (StoredTasks::folder_in(here) / "log").string()};
   stored.write_script(folder.path(), script.text(stored.tasks));
@@ -330,6 +331,7 @@ int resume_on_slurm(const std::string& folder, const SlurmRunOptions& options) {
   const ResultFolder results(folder);
   const Campaign campaign = campaign_of(results);
   results.check_writable();
+  keep_plan_of(results, campaign);
   StoredTasks stored = StoredTasks::read(folder, results.campaign().cases);
   if (options.cases_per_task > 0 && options.cases_per_task != stored.tasks.cases_per_task)
     throw OpenError(fmt::format("{}: its tasks have {} cases; --slurm-task is for a new folder", folder,
