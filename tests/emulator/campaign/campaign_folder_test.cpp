@@ -1,0 +1,255 @@
+// Folders of campaigns whose files change, move or are damaged, and what is said of cases that were done before.
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <chrono>
+#include <csignal>
+#include <filesystem>
+#include <functional>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "emulator/campaign/campaign_run.hpp"
+#include "emulator/campaign/case_runner.hpp"
+#include "emulator/campaign/missing_cases.hpp"
+#include "emulator/ground/text_file.hpp"
+#include "tests/emulator/campaign/campaign_test.hpp"
+#include "tests/support/text.hpp"
+
+namespace imud {
+namespace {
+
+using Json = nlohmann::json;
+
+class CampaignFolders : public CampaignFolder {
+ protected:
+  // The capture of another flight, as long as truth_rows.
+  static std::string other_truth() {
+    std::string text = truth_rows;
+    text.replace(text.rfind("9.8"), 3, "9.7");
+    return text;
+  }
+  std::string plan(const std::string& more) const { return write("plan.toml", head + more); }
+  ProgramResult run(const std::string& folder, std::vector<std::string> more = {}) const {
+    more.insert(more.begin(), {"campaign", "run", path("plan.toml"), "--into", path(folder), "--jobs", "2"});
+    return run_program("imud", more);
+  }
+  static ProgramResult resume(const std::string& folder) {
+    return run_program("imud", {"campaign", "resume", folder, "--jobs", "2"});
+  }
+  ProgramResult status(const std::string& folder) const {
+    return run_program("imud", {"campaign", "status", path(folder), "--json"});
+  }
+  std::vector<std::string> names(const std::string& folder) const {
+    std::vector<std::string> all;
+    for (const auto& entry : std::filesystem::directory_iterator(path(folder) + "/shards"))
+      all.push_back(entry.path().filename().string());
+    return all;
+  }
+  // Changes a row of a shard, whose footer is right again.
+  void change_row(const std::string& folder, const CaseRange& cases, std::size_t number,
+                  const std::function<std::string(const std::string&)>& change) const {
+    const ResultFolder results(path(folder));
+    std::string fault;
+    Shard shard = results.read(cases, fault).value();
+    shard.rows[number] = change(shard.rows[number]);
+    ShardWriter writer(results.shards_path(), shard.head);
+    for (const std::string& one : shard.rows) writer.add(one);
+    writer.commit();
+  }
+  static std::string lost(const std::string& row) {
+    Json json = Json::parse(row);
+    json["exit_code"] = 1;
+    json["ended_by"] = "failure";
+    json["error"] = "a worker process was ended by signal 9";
+    return json.dump();
+  }
+};
+
+void expect_refused(const ProgramResult& result, const std::string& text) {
+  EXPECT_EQ(result.exit_code, 2) << result.errors;
+  EXPECT_TRUE(contains(result.errors, text)) << result.errors;
+}
+
+TEST_F(CampaignFolders, ACaseHasTheCaptureOfItsIdentity) {
+  const std::atomic<bool> no_stop = false;
+  const auto alone = [&](const Campaign& campaign, std::uint64_t index) {
+    return CaseRunner(campaign).run(index, no_stop, {})->row;
+  };
+  const Campaign campaign = read("seeds = \"1..2\"\n[axes]\nimu.imu1.rate_hz = [100, 200]\n");
+  CaseRunner runner(campaign);
+  const std::string before = runner.run(0, no_stop, {})->row;
+  write("truth.csv", other_truth() + "210000000,0,0,0,0,0,0,0,0,-9.8\n");
+  // Another seed of the same case may have either capture, but the identity is that of its digest.
+  const std::string second = Json::parse(runner.run(1, no_stop, {})->row)["identity"];
+  EXPECT_NE(second, Json::parse(alone(campaign, 1))["identity"]);
+  EXPECT_EQ(runner.run(2, no_stop, {})->row, alone(campaign, 2));
+  EXPECT_EQ(runner.run(0, no_stop, {})->row, alone(campaign, 0));
+  EXPECT_NE(before, alone(campaign, 0));
+}
+
+TEST_F(CampaignFolders, EachConfigurationOfAShardIsCompared) {
+  write("other.csv", truth_rows);
+  plan("seeds = \"1..2\"\nbatch = 4\n[axes]\ncapture = [\"truth.csv\", \"other.csv\"]\n");
+  ASSERT_EQ(run("runs").exit_code, 0);
+  write("other.csv", other_truth());
+  expect_refused(resume(path("runs")), "case 2: the plan is the same, but its configuration or a file that it names");
+  write("other.csv", truth_rows);
+  EXPECT_EQ(resume(path("runs")).exit_code, 0);
+}
+
+TEST_F(CampaignFolders, RowsThatStayAreReadWhenTheirShardBegins) {
+  plan("seeds = \"1..8\"\nbatch = 4\n");
+  ASSERT_EQ(run("runs").exit_code, 0);
+  const std::string whole = read_file(path("runs/shards/") + shard_name({4, 7}));
+  change_row("runs", {4, 7}, 0, lost);
+  change_row("runs", {4, 7}, 3, lost);
+  const ResultFolder folder(path("runs"));
+  const MissingCases missing(folder, {0, 7}, read_campaign(path("plan.toml")));
+  ASSERT_EQ(missing.items(), 2U);
+  EXPECT_EQ(missing.case_of(0), 4U);
+  EXPECT_EQ(missing.case_of(1), 7U);
+  EXPECT_EQ(missing.shards().at(0).kept(), 2U);
+  EXPECT_EQ(missing.kept().rows, 6U);
+  EXPECT_EQ(resume(path("runs")).exit_code, 0);
+  EXPECT_EQ(read_file(path("runs/shards/") + shard_name({4, 7})), whole);
+}
+
+// Of a campaign that does not fit, none of whose shards is there.
+TEST_F(CampaignFolders, WhatDoesNotFitIsNotResumed) {
+  plan(
+      "seeds = \"1..10000000\"\nbatch = 1000000\n[axes]\nimu.imu1.gyro.bias_deg_per_s = {from = 0, to = 1, count = "
+      "100}\n");
+  open_result_folder(path("runs"), read_campaign(path("plan.toml")));
+  expect_refused(resume(path("runs")), "1000000000 cases write about ");
+}
+
+TEST_F(CampaignFolders, CasesOfShardsThatAreLostAreNotCounted) {
+  plan("seeds = \"1..200000\"\nbatch = 997\n");
+  Program program("imud");
+  program.start({"campaign", "run", path("plan.toml"), "--into", path("runs"), "--jobs", "2"});
+  while (!std::filesystem::exists(path("runs/shards/") + shard_name({997, 1993}))) ASSERT_TRUE(program.is_running());
+  program.kill(SIGTERM);
+  EXPECT_EQ(program.wait(), 3) << program.errors();
+  const std::size_t stored = 997 * names("runs").size();
+  EXPECT_TRUE(contains(program.errors(), fmt::format("incomplete: it was ended after {} of 200000 cases; ", stored)))
+      << stored << program.errors();
+}
+
+TEST_F(CampaignFolders, CasesThatHaveFailedBeforeCount) {
+  plan("seeds = \"1..8\"\nbatch = 4\n");
+  ASSERT_EQ(run("runs", {"--case", "0..3"}).exit_code, 0);
+  change_row("runs", {0, 3}, 1, [](const std::string& row) {
+    Json json = Json::parse(row);
+    json["exit_code"] = 3;
+    json["expect"]["never"] = false;
+    return json.dump();
+  });
+  for (const ProgramResult& done : {run("runs"), run("runs"), resume(path("runs"))}) {
+    EXPECT_EQ(done.exit_code, 3) << done.errors;
+    EXPECT_TRUE(contains(done.output, "0 could not be run, 1 incomplete or with failed expectations")) << done.output;
+  }
+  const ProgramResult shown = status("runs");
+  EXPECT_EQ(shown.exit_code, 3);
+  EXPECT_EQ(Json::parse(shown.output)["cases_done"], 8);
+  EXPECT_EQ(Json::parse(shown.output)["expectations_failed"], 1);
+}
+
+TEST_F(CampaignFolders, APlanThatWasMovedWithItsFolderIsFound) {
+  std::filesystem::create_directory(path("here"));
+  for (const char* name : {"truth.csv", "imu.toml"}) std::filesystem::copy(path(name), path("here/") + name);
+  write("here/plan.toml", head + "seeds = \"1..8\"\nbatch = 4\n");
+  const std::vector<std::string> first = {"campaign", "run", path("here/plan.toml"), "--into", path("here/runs"),
+                                          "--case",   "0..3"};
+  ASSERT_EQ(run_program("imud", first).exit_code, 0);
+  std::filesystem::rename(path("here"), path("there"));
+  const ProgramResult done = resume(path("there/runs"));
+  EXPECT_EQ(done.exit_code, 0) << done.errors;
+  EXPECT_EQ(run_program("imud", {"campaign", "repeat", path("there/runs"), "2"}).exit_code, 0);
+  // At another place than with the folder.
+  std::filesystem::rename(path("there/plan.toml"), path("plan.toml"));
+  expect_refused(resume(path("there/runs")),
+                 fmt::format("its plan is not at {}, nor at {}; imud campaign run PLAN --into {} takes it",
+                             path("here/plan.toml"), path("there/plan.toml"), path("there/runs")));
+  EXPECT_EQ(run("there/runs").exit_code, 0);
+}
+
+TEST_F(CampaignFolders, TheCopyOfThePlanIsWrittenAgain) {
+  plan("seeds = \"1..4\"\nbatch = 4\n");
+  ASSERT_EQ(run("runs").exit_code, 0);
+  std::filesystem::remove(path("runs/plan.toml"));
+  ASSERT_EQ(resume(path("runs")).exit_code, 0);
+  EXPECT_EQ(read_file(path("runs/plan.toml")), read_file(path("plan.toml")));
+  std::filesystem::remove(path("runs/plan.toml"));
+  plan("seeds = \"1..5\"\nbatch = 4\n");
+  expect_refused(resume(path("runs")), "the plan is another one (" + path("runs/plan.toml") + " is missing there)");
+}
+
+TEST_F(CampaignFolders, ARowWithoutAResultIsDamage) {
+  plan("seeds = \"1..8\"\nbatch = 4\n");
+  ASSERT_EQ(run("runs").exit_code, 0);
+  for (const char* row : {"no JSON", "[]", "{\"exit_code\":0}"}) {
+    change_row("runs", {4, 7}, 2, [&](const std::string&) { return row; });
+    const ProgramResult shown = status("runs");
+    EXPECT_EQ(shown.exit_code, 3) << shown.errors;
+    EXPECT_EQ(Json::parse(shown.output)["damaged"],
+              Json::array({shard_name({4, 7}) + " has no result in the row of case 6"}));
+    EXPECT_EQ(resume(path("runs")).exit_code, 0);
+    EXPECT_EQ(status("runs").exit_code, 0);
+  }
+}
+
+TEST_F(CampaignFolders, NumbersAndNamesThatNoCaseHasAreRefused) {
+  plan("seeds = \"1..4\"\n");
+  const ProgramResult negative = run_program("imud", {"campaign", "repeat", path("plan.toml"), "-1"});
+  EXPECT_EQ(negative.exit_code, 2);
+  EXPECT_FALSE(contains(negative.errors, "18446744073709551615")) << negative.errors;
+  const std::string latin1 =
+      "d\xe9"
+      "part";
+  std::filesystem::create_directory(path(latin1));
+  for (const char* name : {"truth.csv", "imu.toml", "plan.toml"})
+    std::filesystem::copy(path(name), path(latin1 + "/" + name));
+  expect_refused(run_program("imud", {"campaign", "run", path(latin1 + "/plan.toml"), "--into", path("runs")}),
+                 "its path must be UTF-8, as the results have it; rename the folder");
+}
+
+// Their time is that of the last row that was written.
+TEST_F(CampaignFolders, FilesOfDeadHostsAreTakenAwayAfterADay) {
+  using namespace std::chrono_literals;
+  plan("seeds = \"1..12\"\nbatch = 4\n");
+  ASSERT_EQ(run("runs", {"--case", "0..3"}).exit_code, 0);
+  const auto temporary = [&](const char* name, std::chrono::hours age) {
+    TemporaryFile file(name);
+    file.host = "n2.example";
+    const std::string at = write("runs/shards/" + file.file_name(), "{");
+    std::filesystem::last_write_time(at, std::filesystem::file_time_type::clock::now() - age);
+    return at;
+  };
+  const std::string of_whole = temporary("000000000-000000003", 1h), old = temporary("000000004-000000007", 25h),
+                    young = temporary("000000008-000000011", 23h);
+  const Json running = Json::parse(status("runs").output)["running"];
+  EXPECT_EQ(running.size(), 1U) << running;
+  ASSERT_EQ(run("runs", {"--case", "4..7"}).exit_code, 0);
+  EXPECT_TRUE(std::filesystem::exists(old)) << "a task of an array does not list the folder";
+  ASSERT_EQ(run("runs").exit_code, 0);
+  EXPECT_TRUE(std::filesystem::exists(of_whole));
+  EXPECT_FALSE(std::filesystem::exists(old));
+  EXPECT_TRUE(std::filesystem::exists(young));
+  EXPECT_EQ(Json::parse(status("runs").output)["running"], Json::array());
+}
+
+TEST_F(CampaignFolders, ShardsAtWhichOthersAreAtWorkComeLast) {
+  const Campaign campaign = read_campaign(plan("seeds = \"1..12\"\nbatch = 4\n"));
+  const ResultFolder folder = open_result_folder(path("runs"), campaign);
+  ShardWriter other(folder.shards_path(), folder.campaign().head({0, 3}));
+  const MissingCases missing(folder, {0, 11}, campaign);
+  ASSERT_EQ(missing.items(), 12U);
+  EXPECT_EQ(missing.case_of(0), 4U);
+  EXPECT_EQ(missing.case_of(7), 11U);
+  EXPECT_EQ(missing.case_of(8), 0U);
+}
+
+}  // namespace
+}  // namespace imud
