@@ -33,10 +33,11 @@ namespace {
 
 }  // namespace
 
-CampaignCommands::CampaignCommands(CLI::App& app) {
+CampaignCommands::CampaignCommands(CLI::App& app, bool is_given) {
   CLI::App* campaign = app.add_subcommand("campaign",
                                           "Replay the many cases of a plan: values of keys, captures, "
                                           "scenarios, random draws and seeds");
+  if (!is_given) return;
   campaign->require_subcommand(1);
   CLI::App* check = campaign->add_subcommand(
       "check", "List every fault of a plan, or show how many cases it has, how long they take and what they write");
@@ -126,6 +127,7 @@ bool CampaignCommands::is_for_slurm() const {
 }
 
 std::optional<int> CampaignCommands::execute() const {
+  if (check_ == nullptr) return std::nullopt;
   SlurmRunOptions slurm = slurm_options_;
   slurm.quiet = run_options_.quiet;
   if (check_->parsed()) return campaign_check(plan_);

@@ -276,7 +276,8 @@ int execute(int argc, const char* const* argv) {
   const CLI::App* init_command = add_init_command(app, init_options);
 
   RunCommands run_commands(app);
-  CampaignCommands campaign_commands(app);
+  const std::vector<std::string> given = command_words(argc, argv);
+  CampaignCommands campaign_commands(app, !given.empty() && given.front() == "campaign");
 
   app.add_subcommand("help", "Show this text, that of a command, or what is known of a key or a word")
       ->add_option("TOPIC");
@@ -284,7 +285,6 @@ int execute(int argc, const char* const* argv) {
       "Example: imud check imu.toml && imud run imu.toml --for 10\n"
       "Every key: imud.toml(5), or emulator/CONFIGURATION.md in the source and, installed, in share/imud");
 
-  std::vector<std::string> given = command_words(argc, argv);
   if (given.size() == 2 && std::string_view(argv[1]) == "help" && is_topic(app, argv[2]))
     return help_topic(app, argv[2]);
   if (const std::string fault = unknown_command(app, given); !fault.empty()) {
