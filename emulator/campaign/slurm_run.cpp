@@ -83,6 +83,8 @@ class SlurmRun {
  public:
   SlurmRun(const ResultFolder& folder, const Campaign& campaign, StoredTasks stored, bool quiet)
       : folder_(folder), campaign_(campaign), stored_(std::move(stored)), progress_(!quiet), queue_(slurm_stop) {
+    const auto queued = ask_queue();  // before the shards are read: a task that ends meanwhile is not submitted again
+    if (!queued) throw OpenError("Slurm does not say which tasks wait or run, so that none is submitted; try again");
     const MissingCases missing(folder, {0, folder.campaign().cases - 1}, campaign);
     exit_code_ = missing.kept().exit_code;
     incomplete_ = missing.kept().incomplete;
@@ -96,10 +98,10 @@ class SlurmRun {
       to_submit_[task / stored_.tasks.tasks_per_array].insert(task % stored_.tasks.tasks_per_array);
     if (cases_ < folder.campaign().cases)
       spdlog::info("{} of {} cases are done already", folder.campaign().cases - cases_, folder.campaign().cases);
+    leave_what_is_queued(*queued);
   }
 
   int run() {
-    leave_what_is_queued();
     while (!awaited_.empty() && !slurm_stop) {
       if (!to_submit_.empty() && queued_ < refused_at_) submit();
       if (!follow()) break;
@@ -131,7 +133,8 @@ class SlurmRun {
     return tasks;
   }
 
-  void leave_what_is_queued();
+  // Takes the tasks that wait or run out of those to be submitted.
+  void leave_what_is_queued(const std::vector<QueuedTask>& tasks);
   void submit();
   bool follow();
   void look_at_shards();
@@ -156,19 +159,18 @@ class SlurmRun {
   bool is_silent_ = false, is_held_ = false;
 };
 
-void SlurmRun::leave_what_is_queued() {
-  const auto tasks = ask_queue();
-  if (!tasks) throw OpenError("Slurm does not say which tasks wait or run, so that none is submitted; try again");
+void SlurmRun::leave_what_is_queued(const std::vector<QueuedTask>& tasks) {
   std::map<std::string, std::uint64_t> arrays;
   for (std::uint64_t array = 0; array < stored_.tasks.arrays(); ++array) arrays.emplace(name_of(array), array);
-  for (const QueuedTask& task : *tasks) {
+  for (const QueuedTask& task : tasks) {
     last_job_ = task.job;
-    const auto array = to_submit_.find(arrays.at(task.name));
+    const auto named = arrays.find(task.name);
+    const auto array = named == arrays.end() ? to_submit_.end() : to_submit_.find(named->second);
     if (array == to_submit_.end()) continue;
     array->second.erase(task.index);
     if (array->second.empty()) to_submit_.erase(array);
   }
-  queued_ = tasks->size();
+  queued_ = tasks.size();
   if (queued_ > 0) spdlog::info("{} tasks run or wait already", queued_);
 }
 
