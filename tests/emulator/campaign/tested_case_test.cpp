@@ -119,16 +119,21 @@ TEST_F(TestedCases, NothingOfTheCommandIsLeftBehind) {
   const std::string plan = write("plan.toml", head + R"(seeds = "1..4"
 batch = 4
 [test]
-command = "setsid sleep 1000 & sleep 1000 & cat {port} > /dev/null; test {seed} = 1 || sleep 1000"
+command = "setsid sleep 1000 & sleep 1000 & cat {port} > /dev/null; test {seed} = 1 || { echo > begun; sleep 1000; }"
 )");
   ASSERT_EQ(::setenv("TMPDIR", scratch.c_str(), 1) + ::setenv("KEPT", mark.c_str(), 1), 0);
   for (const bool kills_worker : {false, true}) {
     Program program("imud");
     program.start({"campaign", "run", plan, "--into", path("runs"), "--jobs", "1"});
-    // The first case has ended, and the second one sleeps: imud, a worker, the supervisor and four of the command.
-    for (int i = 0; i < 600 && processes_with(mark).size() < 7; ++i)
-      std::this_thread::sleep_for(std::chrono::milliseconds(100));
-    EXPECT_GE(processes_with(mark).size(), 7U);
+    // The first case has ended, and nothing of it is left; the second one sleeps: imud, a worker, the supervisor, the
+    // shell, and three processes of the shell.
+    constexpr std::size_t all = 7;
+    const auto is_asleep = [&] {
+      return std::filesystem::exists(path("begun")) && processes_with(mark).size() == all;
+    };
+    for (int i = 0; i < 600 && !is_asleep(); ++i) std::this_thread::sleep_for(std::chrono::milliseconds(100));
+    EXPECT_EQ(processes_with(mark).size(), all);
+    std::filesystem::remove(path("begun"));
     std::vector<pid_t> workers;
     std::ifstream children(fmt::format("/proc/{0}/task/{0}/children", program.pid()));
     for (pid_t child = 0; children >> child;) workers.push_back(child);
