@@ -7,8 +7,6 @@
 #include <sys/vfs.h>
 
 #include <algorithm>
-#include <atomic>
-#include <csignal>
 #include <filesystem>
 #include <map>
 #include <optional>
@@ -24,6 +22,7 @@
 #include "emulator/ground/progress_line.hpp"
 #include "emulator/ground/text_file.hpp"
 #include "emulator/seeds/seed_results.hpp"
+#include "emulator/seeds/worker_processes.hpp"
 #include "transports/host_clock.hpp"
 
 namespace imud {
@@ -31,16 +30,6 @@ namespace imud {
 namespace {
 
 namespace fs = std::filesystem;
-
-std::atomic<bool> slurm_stop = false;
-
-void catch_slurm_signals() {
-  slurm_stop = false;
-  struct sigaction action = {};
-  action.sa_handler = [](int) { slurm_stop = true; };
-  ::sigaction(SIGINT, &action, nullptr);
-  ::sigaction(SIGTERM, &action, nullptr);
-}
 
 // Returns the options of sbatch: of the plan, then of the command line.
 std::vector<std::string> sbatch_options(const CampaignSlurm& slurm, const std::vector<std::string>& more) {
@@ -74,7 +63,7 @@ double tested_case_s(const Campaign& campaign) {
 
 // Waits, but not longer than a signal.
 void pause_for(double duration_s) {
-  for (const HostTime begin = host_now(); !slurm_stop && seconds(host_now() - begin) < duration_s;)
+  for (const HostTime begin = host_now(); !workers_stop() && seconds(host_now() - begin) < duration_s;)
     ::poll(nullptr, 0, 100);
 }
 
@@ -82,7 +71,7 @@ void pause_for(double duration_s) {
 class SlurmRun {
  public:
   SlurmRun(const ResultFolder& folder, const Campaign& campaign, StoredTasks stored, bool quiet)
-      : folder_(folder), campaign_(campaign), stored_(std::move(stored)), progress_(!quiet), queue_(slurm_stop) {
+      : folder_(folder), campaign_(campaign), stored_(std::move(stored)), progress_(!quiet), queue_(workers_stop()) {
     const auto queued = ask_queue();  // before the shards are read: a task that ends meanwhile is not submitted again
     if (!queued) throw OpenError("Slurm does not say which tasks wait or run, so that none is submitted; try again");
     const MissingCases missing(folder, {0, folder.campaign().cases - 1}, campaign);
@@ -102,7 +91,7 @@ class SlurmRun {
   }
 
   int run() {
-    while (!awaited_.empty() && !slurm_stop) {
+    while (!awaited_.empty() && !workers_stop()) {
       if (!to_submit_.empty() && queued_ < refused_at_) submit();
       if (!follow()) break;
     }
@@ -127,7 +116,7 @@ class SlurmRun {
     for (std::uint64_t array = 0; array < stored_.tasks.arrays(); ++array) names.push_back(name_of(array));
     std::string fault;
     auto tasks = queue_.tasks(names, fault);
-    if (!tasks && !slurm_stop && !std::exchange(is_silent_, true))
+    if (!tasks && !workers_stop() && !std::exchange(is_silent_, true))
       spdlog::warn("{}; the shards are looked at all the same", fault);
     if (tasks && std::exchange(is_silent_, false)) spdlog::info("Slurm answers again");
     return tasks;
@@ -176,7 +165,7 @@ void SlurmRun::leave_what_is_queued(const std::vector<QueuedTask>& tasks) {
 
 // Submits arrays until Slurm takes no more.
 void SlurmRun::submit() {
-  while (!to_submit_.empty() && !slurm_stop) {
+  while (!to_submit_.empty() && !workers_stop()) {
     const auto& [number, indices] = *to_submit_.begin();
     const std::vector<std::uint64_t> list(indices.begin(), indices.end());
     SlurmArray array{.name = name_of(number),
@@ -190,7 +179,7 @@ void SlurmRun::submit() {
     try {
       last_job_ = queue_.submit(array);
     } catch (const OpenError& error) {
-      if (slurm_stop) return;
+      if (workers_stop()) return;
       if (queued_ == 0) throw;
       if (refused_at_ > queued_) spdlog::info("{}; {} arrays wait for tasks to end", error.what(), to_submit_.size());
       refused_at_ = queued_;
@@ -262,7 +251,7 @@ int SlurmRun::end() {
   const std::string folder = folder_.path().string();
   const int exit_code = awaited_.empty() ? exit_code_ : worse_exit_code(exit_code_, 3);
   if (awaited_.empty()) folder_.remove_left_behind();
-  if (!awaited_.empty() && slurm_stop) {
+  if (!awaited_.empty() && workers_stop()) {
     spdlog::info(
         "left: the jobs go on; imud campaign status {} shows how far they are, imud campaign resume {} follows "
         "them",
@@ -295,7 +284,7 @@ int run_stored(const ResultFolder& folder, const Campaign& campaign, const Store
                            .folder = here.string(),
                            .logs = (StoredTasks::folder_in(here) / "log").string()};
   stored.write_script(folder.path(), script.text(stored.tasks));
-  catch_slurm_signals();
+  catch_workers_stop();
   SlurmRun run(folder, campaign, stored, options.quiet);
   return run.run();
 }
@@ -311,7 +300,7 @@ int run_on_slurm(const std::string& plan, const std::string& folder, const Slurm
     return resume_on_slurm(folder, options);
   }
   const std::vector<std::string> sbatch = sbatch_options(campaign.slurm, options.options);
-  const SlurmQueue queue(slurm_stop);
+  const SlurmQueue queue(workers_stop());
   const SlurmLimits limits = queue.limits();
   CampaignCost cost = measure_cases(campaign);
   if (campaign.test) cost.case_s = std::max(cost.case_s, tested_case_s(campaign));

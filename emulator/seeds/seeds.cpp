@@ -6,7 +6,6 @@
 
 #include <algorithm>
 #include <boost/algorithm/string/replace.hpp>
-#include <charconv>
 #include <csignal>
 #include <nlohmann/json.hpp>
 #include <span>
@@ -25,6 +24,7 @@
 #include "emulator/seeds/seed_run.hpp"
 #include "emulator/seeds/worker_processes.hpp"
 #include "emulator/truth/remark_text.hpp"
+#include "protocols/wire/number_text.hpp"
 #include "transports/host_clock.hpp"
 
 namespace imud {
@@ -272,16 +272,15 @@ std::vector<FaultLabel> Runs::labels(const Batch& batch, std::size_t run, Engine
 }  // namespace
 
 std::optional<SeedRange> SeedRange::parse(std::string_view text) noexcept {
-  const auto number = [](std::string_view digits, std::uint64_t& value) {
-    const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), value);
-    return error == std::errc{} && end == digits.data() + digits.size();
-  };
   constexpr std::uint64_t most = 10'000'000;
-  const std::size_t dots = text.find("..");
   SeedRange range;
-  if (!number(text.substr(0, dots), range.first)) return std::nullopt;
-  if (!number(dots == text.npos ? text : text.substr(dots + 2), range.last)) return std::nullopt;
-  if (range.last < range.first || range.last - range.first >= most) return std::nullopt;
+  if (const auto several = range_in<std::uint64_t>(text, ".."))
+    range = {several->first, several->second};
+  else if (const auto one = number_in<std::uint64_t>(text))
+    range = {*one, *one};
+  else
+    return std::nullopt;
+  if (range.last - range.first >= most) return std::nullopt;
   return range;
 }
 

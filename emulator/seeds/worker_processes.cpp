@@ -19,10 +19,12 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <span>
 #include <stdexcept>
 #include <string_view>
 #include <vector>
 
+#include "transports/file/output_path.hpp"
 #include "transports/file_descriptor.hpp"
 
 namespace imud {
@@ -69,15 +71,7 @@ class SharedItems {
   std::atomic<std::size_t>* numbers_;
 };
 
-bool write_all(int file, std::string_view text) {
-  while (!text.empty()) {
-    const ssize_t size = ::write(file, text.data(), text.size());
-    if (size < 0 && errno == EINTR) continue;
-    if (size < 0) return false;
-    text.remove_prefix(static_cast<std::size_t>(size));
-  }
-  return true;
-}
+bool send_text(int file, std::string_view text) { return write_whole(file, std::as_bytes(std::span(text))) == 0; }
 
 // The life of a worker: lines "ITEM TEXT", or "! CAUSE". `first`: the item that it does before others.
 [[noreturn]] void work(const WorkerProcesses& workers, SharedItems& items, std::size_t number,
@@ -90,12 +84,12 @@ bool write_all(int file, std::string_view text) {
   ::mallopt(M_TRIM_THRESHOLD, 8 * kept);
   try {
     for (auto item = first ? first : items.take(number); item && !stop; item = items.take(number))
-      if (!write_all(out, fmt::format("{} {}\n", *item, workers.work(*item)))) break;
+      if (!send_text(out, fmt::format("{} {}\n", *item, workers.work(*item)))) break;
   } catch (const std::exception& error) {
     items.end();
     std::string cause = error.what();
     std::replace(cause.begin(), cause.end(), '\n', ' ');
-    write_all(out, fmt::format("! {}\n", cause));
+    send_text(out, fmt::format("! {}\n", cause));
   }
   ::_exit(0);
 }
@@ -106,14 +100,6 @@ struct Worker {
   std::string text = {};                 // that is not a whole line yet
   std::optional<std::size_t> done = {};  // the last item whose text it has sent
 };
-
-void catch_signals() {
-  stop = false;
-  struct sigaction action = {};
-  action.sa_handler = [](int) { stop = true; };
-  ::sigaction(SIGINT, &action, nullptr);
-  ::sigaction(SIGTERM, &action, nullptr);
-}
 
 // Owns the workers: none outlives it.
 class Workers {
@@ -230,10 +216,18 @@ class Workers {
 
 }  // namespace
 
+void catch_workers_stop() noexcept {
+  stop = false;
+  struct sigaction action = {};
+  action.sa_handler = [](int) { stop = true; };
+  ::sigaction(SIGINT, &action, nullptr);
+  ::sigaction(SIGTERM, &action, nullptr);
+}
+
 const std::atomic<bool>& workers_stop() noexcept { return stop; }
 
 bool run_workers(const WorkerProcesses& processes, std::size_t items) {
-  catch_signals();
+  catch_workers_stop();
   Workers workers(processes, items);
   while (workers.serve()) processes.tick();
   if (!workers.failure().empty()) throw std::runtime_error(workers.failure());

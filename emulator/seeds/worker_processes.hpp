@@ -27,7 +27,9 @@ struct WorkerProcesses {
 // or a worker has failed.
 bool run_workers(const WorkerProcesses& workers, std::size_t items);
 
-// Set by SIGINT and SIGTERM in run_workers(), in the workers, too.
+// From now on SIGINT and SIGTERM set workers_stop(), which is false at first. run_workers() calls it.
+void catch_workers_stop() noexcept;
+// Set by SIGINT and SIGTERM after catch_workers_stop(), in the workers, too.
 const std::atomic<bool>& workers_stop() noexcept;
 
 }  // namespace imud

@@ -1,10 +1,12 @@
-// Parses numbers in the text that hosts send.
+// Parses numbers in texts, which hosts, users and files give.
 #pragma once
 
 #include <charconv>
 #include <concepts>
+#include <cstddef>
 #include <optional>
 #include <string_view>
+#include <utility>
 
 namespace imud {
 
@@ -27,6 +29,17 @@ template <class Number>
 std::optional<Number> number_or_hex_in(std::string_view text) noexcept {
   const bool is_hexadecimal = text.starts_with("0x") || text.starts_with("0X");
   return number_in<Number>(text.substr(is_hexadecimal ? 2 : 0), is_hexadecimal ? 16 : 10);
+}
+// Parses two integers with `between` in the middle, such as "1..7". Returns nullopt for another text, and if the
+// second one is smaller.
+template <std::integral Number>
+std::optional<std::pair<Number, Number>> range_in(std::string_view text, std::string_view between) noexcept {
+  const std::size_t at = text.find(between);
+  if (at == text.npos) return std::nullopt;
+  const auto first = number_in<Number>(text.substr(0, at)),
+             last = number_in<Number>(text.substr(at + between.size()));
+  if (!first || !last || *last < *first) return std::nullopt;
+  return std::pair(*first, *last);
 }
 
 }  // namespace imud

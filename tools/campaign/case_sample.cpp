@@ -3,9 +3,9 @@
 #include <Random123/philox.h>
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
-#include <system_error>
+
+#include "protocols/wire/number_text.hpp"
 
 namespace imud {
 namespace {
@@ -46,10 +46,8 @@ double percentile(const std::vector<double>& sorted, double share) noexcept {
 }
 
 std::optional<double> number_of(const std::string& text) noexcept {
-  double number = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
-  if (error != std::errc() || end != text.data() + text.size() || !std::isfinite(number)) return std::nullopt;
-  return number;
+  const auto number = number_in<double>(text);
+  return number && std::isfinite(*number) ? number : std::nullopt;
 }
 
 bool CaseSample::wants(std::uint64_t index) const noexcept {

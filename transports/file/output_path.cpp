@@ -52,6 +52,16 @@ bool is_standard_output(const std::string& path) {
   return path == "-" || path == "/dev/stdout" || path == "/dev/fd/1" || path == "/proc/self/fd/1";
 }
 
+int write_whole(int file, std::span<const std::byte> bytes) noexcept {
+  while (!bytes.empty()) {
+    const ssize_t size = ::write(file, bytes.data(), bytes.size());
+    if (size < 0 && errno == EINTR) continue;
+    if (size < 0) return errno;
+    bytes = bytes.subspan(static_cast<std::size_t>(size));
+  }
+  return 0;
+}
+
 int write_whole_at(int file, std::span<const std::byte> bytes, std::uint64_t offset) noexcept {
   while (!bytes.empty()) {
     const ssize_t size = ::pwrite(file, bytes.data(), bytes.size(), static_cast<off_t>(offset));

@@ -20,6 +20,9 @@ std::string foreign_link_fault(const std::string& path);
 // Returns true if the path names standard output: `-`, /dev/stdout, ...
 bool is_standard_output(const std::string& path);
 
+// Writes all bytes to a file or pipe, and waits for a slow reader. Returns 0, or the errno of the write that has
+// failed.
+int write_whole(int file, std::span<const std::byte> bytes) noexcept;
 // Writes all bytes at an offset of a file. Returns 0, or the errno of the write that has failed.
 int write_whole_at(int file, std::span<const std::byte> bytes, std::uint64_t offset) noexcept;
 

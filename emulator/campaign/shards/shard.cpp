@@ -7,15 +7,18 @@
 
 #include <array>
 #include <cerrno>
-#include <charconv>
 #include <climits>
 #include <csignal>
 #include <cstdio>
 #include <cstring>
 #include <fstream>
 #include <nlohmann/json.hpp>
+#include <span>
 #include <stdexcept>
 #include <utility>
+
+#include "protocols/wire/number_text.hpp"
+#include "transports/file/output_path.hpp"
 
 namespace imud {
 
@@ -25,19 +28,9 @@ using Json = nlohmann::ordered_json;
 
 constexpr std::string_view suffix_of_shard = ".jsonl", suffix_of_temporary = ".tmp";
 
-template <class Number>
-bool read_whole(std::string_view text, Number& value) noexcept {
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  return error == std::errc{} && end == text.data() + text.size();
-}
-
 std::optional<CaseRange> range_of(std::string_view text, std::string_view between) noexcept {
-  const std::size_t at = text.find(between);
-  CaseRange cases;
-  if (at == text.npos || !read_whole(text.substr(0, at), cases.first) ||
-      !read_whole(text.substr(at + between.size()), cases.last) || cases.last < cases.first)
-    return std::nullopt;
-  return cases;
+  const auto range = range_in<std::uint64_t>(text, between);
+  return range ? std::optional(CaseRange{range->first, range->second}) : std::nullopt;
 }
 
 // Returns the name of this host.
@@ -70,13 +63,8 @@ FileDescriptor create(const std::filesystem::path& path) {
   return file;
 }
 
-void write_whole(int file, std::string_view text, const std::filesystem::path& path) {
-  while (!text.empty()) {
-    const ssize_t size = ::write(file, text.data(), text.size());
-    if (size < 0 && errno == EINTR) continue;
-    if (size < 0) fail(path, errno);
-    text.remove_prefix(static_cast<std::size_t>(size));
-  }
+void write_text(int file, std::string_view text, const std::filesystem::path& path) {
+  if (const int error = write_whole(file, std::as_bytes(std::span(text))); error != 0) fail(path, error);
 }
 
 // Waits until the disk has the names in a folder. A file system that cannot do that is no fault.
@@ -117,10 +105,8 @@ std::optional<ShardHead> head_in(const std::string& line) {
 }  // namespace
 
 std::optional<CaseRange> CaseRange::parse(std::string_view text) noexcept {
-  CaseRange one;
-  if (!read_whole(text, one.first)) return range_of(text, "..");
-  one.last = one.first;
-  return one;
+  if (const auto one = number_in<std::uint64_t>(text)) return CaseRange{*one, *one};
+  return range_of(text, "..");
 }
 
 RowResult::RowResult(std::string_view row) {
@@ -194,7 +180,9 @@ std::optional<TemporaryFile> TemporaryFile::parse(std::string_view file_name) {
   if (begin == end) return std::nullopt;
   const std::size_t middle = file_name.rfind('.', end - 1);  // a host's name may have dots
   TemporaryFile file;
-  if (middle <= begin || !read_whole(file_name.substr(end + 1), file.process)) return std::nullopt;
+  const auto process = number_in<pid_t>(file_name.substr(end + 1));
+  if (middle <= begin || !process) return std::nullopt;
+  file.process = *process;
   file.name = file_name.substr(0, begin);
   file.host = file_name.substr(begin + 1, middle - begin - 1);
   file.space = file_name.substr(middle + 1, end - middle - 1);
@@ -230,7 +218,7 @@ void ShardWriter::write(std::string_view line) {
 }
 
 void ShardWriter::flush() {
-  write_whole(file_.get(), held_, temporary_);
+  write_text(file_.get(), held_, temporary_);
   held_.clear();
 }
 
@@ -258,7 +246,7 @@ bool write_once(const std::filesystem::path& path, std::string_view text) {
   FileDescriptor file = create(temporary);
   int error = 0;
   try {
-    write_whole(file.get(), text, temporary);
+    write_text(file.get(), text, temporary);
     if (::fsync(file.get()) != 0) fail(temporary, errno);
     // Unlike rename(2), link(2) leaves a file of that name as it is. Some file systems have no links.
     if (::link(temporary.c_str(), path.c_str()) != 0) error = errno;

@@ -9,10 +9,11 @@
 #include <boost/algorithm/string/predicate.hpp>
 #include <boost/algorithm/string/split.hpp>
 #include <boost/algorithm/string/trim.hpp>
-#include <charconv>
+#include <optional>
 
 #include "emulator/campaign/slurm/command_output.hpp"
 #include "emulator/ground/text_file.hpp"
+#include "protocols/wire/number_text.hpp"
 
 namespace imud {
 
@@ -22,11 +23,6 @@ std::vector<std::string> parts_of(std::string_view text, const char* separator) 
   std::vector<std::string> parts;
   boost::split(parts, text, boost::is_any_of(separator));
   return parts;
-}
-
-bool read_index(std::string_view text, std::uint64_t& value) noexcept {
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  return error == std::errc() && end == text.data() + text.size();
 }
 
 // Returns the words of a command that has failed, in one line.
@@ -72,8 +68,10 @@ std::vector<QueuedTask> queued_tasks(std::string_view output) {
   std::vector<QueuedTask> tasks;
   for (const std::string& line : parts_of(output, "\n")) {
     std::vector<std::string> fields = parts_of(line, "|");
+    const auto index = fields.size() < 5 ? std::nullopt : number_in<std::uint64_t>(fields[2]);
+    if (!index) continue;
     QueuedTask task;
-    if (fields.size() < 5 || !read_index(fields[2], task.index)) continue;
+    task.index = *index;
     task.name = std::move(fields[0]);
     task.job = std::move(fields[1]);
     task.state = std::move(fields[3]);
@@ -95,8 +93,7 @@ std::uint64_t SlurmQueue::processors(const std::string& partition) const {
   std::uint64_t sum = 0;
   for (const std::string& line : parts_of(run_command(words, stop_).output, "\n")) {
     const std::vector<std::string> states = parts_of(boost::trim_copy(line), "/");  // allocated/idle/other/total
-    std::uint64_t total = 0;
-    if (states.size() == 4 && read_index(states[3], total)) sum += total;
+    if (states.size() == 4) sum += number_in<std::uint64_t>(states[3]).value_or(0);
   }
   return std::max<std::uint64_t>(1, sum);
 }
