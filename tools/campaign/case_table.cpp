@@ -29,7 +29,12 @@ std::string lower_case(std::string text) {
 // A table of text, of which a class makes the lines.
 class TextTable : public CaseTable {
  public:
-  explicit TextTable(const std::string& path) : path_(path), file_(path) {}
+  // How cells without a number are written.
+  struct Words {
+    std::string_view empty, no, yes;
+    void (*add_text)(std::string& line, std::string_view text);
+  };
+  TextTable(const std::string& path, const Words& words) : words_(words), path_(path), file_(path) {}
 
   void begin(std::span<const TableColumn> columns) final {
     columns_.assign(columns.begin(), columns.end());
@@ -55,6 +60,25 @@ class TextTable : public CaseTable {
  protected:
   virtual void begin_lines() = 0;
   virtual void write_line(const CaseRow& row) = 0;
+  void add(const CaseCell& cell) {
+    switch (cell.kind) {
+      case CaseCell::Kind::empty:
+        line_ += words_.empty;
+        break;
+      case CaseCell::Kind::truth:
+        line_ += cell.integer != 0 ? words_.yes : words_.no;
+        break;
+      case CaseCell::Kind::integer:
+        line_ += fmt::format_int(cell.integer).c_str();
+        break;
+      case CaseCell::Kind::real:
+        line_ += cell.text;
+        break;
+      case CaseCell::Kind::text:
+        words_.add_text(line_, cell.text);
+        break;
+    }
+  }
 
   std::vector<TableColumn> columns_;
   std::string line_;
@@ -66,6 +90,7 @@ class TextTable : public CaseTable {
       throw std::runtime_error(path_ + ": " + std::strerror(error));
   }
 
+  const Words words_;
   std::string path_;
   WholeFile file_;
   std::optional<TextOutput> output_;
@@ -73,7 +98,7 @@ class TextTable : public CaseTable {
 
 class CsvTable final : public TextTable {
  public:
-  using TextTable::TextTable;
+  explicit CsvTable(const std::string& path) : TextTable(path, {"", "0", "1", append_csv_field}) {}
 
  private:
   void begin_lines() override {
@@ -88,21 +113,7 @@ class CsvTable final : public TextTable {
     for (const TableColumn& column : columns_) {
       line_ += separator;
       separator = ",";
-      const CaseCell& cell = row[column.cell];
-      switch (cell.kind) {
-        case CaseCell::Kind::empty:
-          break;
-        case CaseCell::Kind::truth:
-        case CaseCell::Kind::integer:
-          line_ += fmt::format_int(cell.integer).c_str();
-          break;
-        case CaseCell::Kind::real:
-          line_ += cell.text;
-          break;
-        case CaseCell::Kind::text:
-          append_csv_field(line_, cell.text);
-          break;
-      }
+      add(row[column.cell]);
     }
     line_ += '\n';
   }
@@ -110,7 +121,9 @@ class CsvTable final : public TextTable {
 
 class JsonTable final : public TextTable {
  public:
-  using TextTable::TextTable;
+  explicit JsonTable(const std::string& path)
+      : TextTable(path, {"null", "false", "true",
+                         [](std::string& line, std::string_view text) { line += nlohmann::json(text).dump(); }}) {}
 
  private:
   void begin_lines() override {
@@ -123,24 +136,7 @@ class JsonTable final : public TextTable {
       line_ += separator;
       separator = ',';
       line_ += names_[i];
-      const CaseCell& cell = row[columns_[i].cell];
-      switch (cell.kind) {
-        case CaseCell::Kind::empty:
-          line_ += "null";
-          break;
-        case CaseCell::Kind::truth:
-          line_ += cell.integer != 0 ? "true" : "false";
-          break;
-        case CaseCell::Kind::integer:
-          line_ += fmt::format_int(cell.integer).c_str();
-          break;
-        case CaseCell::Kind::real:
-          line_ += cell.text;
-          break;
-        case CaseCell::Kind::text:
-          line_ += nlohmann::json(cell.text).dump();
-          break;
-      }
+      add(row[columns_[i].cell]);
     }
     line_ += "}\n";
   }
