@@ -1,4 +1,4 @@
-// `imud campaign check`: a value that no case can have, and what it says of a plan that is right.
+// `imud campaign check` names a value that no case can have, and describes a plan that is right.
 #include "emulator/campaign/campaign_check.hpp"
 
 #include <gtest/gtest.h>

@@ -18,28 +18,13 @@
 #include "emulator/campaign/shards/result_folder.hpp"
 #include "tests/emulator/campaign/campaign_test.hpp"
 #include "tests/support/text.hpp"
+#include "tools/campaign/wilson.hpp"
 
 namespace imud {
 namespace {
 
-class CampaignDeaths : public CampaignFolder {
+class CampaignDeaths : public CampaignWithResults {
  protected:
-  CampaignDeaths() { write("imu.toml", base + "gyro.angle_random_walk_deg_per_rt_hr = 0.6\n"); }
-
-  std::map<std::string, std::string> shards(const std::string& folder) const {
-    std::map<std::string, std::string> all;
-    for (const auto& entry : std::filesystem::directory_iterator(path(folder) + "/shards"))
-      all[entry.path().filename().string()] = read_file(entry.path().string());
-    return all;
-  }
-  std::vector<std::string> rows(const std::string& folder) const {
-    std::vector<std::string> all;
-    for (const auto& [name, text] : shards(folder)) {
-      const std::vector<std::string> lines = lines_of(text);
-      all.insert(all.end(), lines.begin() + 1, lines.end() - 1);
-    }
-    return all;
-  }
   // Returns the number of kills: IMUD_CAMPAIGN_KILLS, or 20.
   static int kills() {
     const char* const given = std::getenv("IMUD_CAMPAIGN_KILLS");
@@ -109,13 +94,12 @@ TEST_F(CampaignDeaths, TheIntegratedHeadingOfARandomWalkIsKnown) {
   const ProgramResult done = run_program("imud", {"campaign", "run", path("plan.toml"), "--into", path("runs")});
   ASSERT_EQ(done.exit_code, 0) << done.errors;
   const double n = 10'000, t_s = 0.2, sigma = 0.6 * std::numbers::pi / 180 / 60 * std::sqrt(t_s);
-  const std::vector<std::string> all = rows("runs");
+  const std::vector<nlohmann::json> all = rows("runs");
   ASSERT_EQ(all.size(), 10'000U);
   for (const char* axis : {"x", "y", "z"}) {
     double sum = 0, squares = 0;
-    for (const std::string& row : all) {
-      const double error =
-          nlohmann::json::parse(row)["figures"][fmt::format("imu1.angle_error_{}_rad", axis)].get<double>();
+    for (const nlohmann::json& row : all) {
+      const double error = row["figures"][fmt::format("imu1.angle_error_{}_rad", axis)].get<double>();
       sum += error;
       squares += error * error;
     }
@@ -123,8 +107,7 @@ TEST_F(CampaignDeaths, TheIntegratedHeadingOfARandomWalkIsKnown) {
     EXPECT_NEAR(deviation / sigma, 1, 5 * std::sqrt(1 / (2 * n))) << axis;
     EXPECT_NEAR(mean / sigma, 0, 5 / std::sqrt(n)) << axis;
   }
-  const nlohmann::json first = nlohmann::json::parse(all[0]);
-  EXPECT_NEAR(first["figures"]["imu1.velocity_error_x_m_per_s"].get<double>(), 0, 1e-12);
+  EXPECT_NEAR(all[0]["figures"]["imu1.velocity_error_x_m_per_s"].get<double>(), 0, 1e-12);
 }
 
 // Rates alone are sent: they are summed over the interval, and a constant error of the rate is known.
@@ -133,7 +116,7 @@ TEST_F(CampaignDeaths, TheIntegratedErrorOfABiasIsKnown) {
   for (const std::string protocol : {"native", "csv"}) {
     write("plan.toml", head + fmt::format("integrated_errors = true\nset = [\"imu.imu1.protocol={}\"]\n", protocol));
     ASSERT_EQ(run_program("imud", {"campaign", "run", path("plan.toml"), "--into", path(protocol)}).exit_code, 0);
-    const nlohmann::json figures = nlohmann::json::parse(rows(protocol).at(0))["figures"];
+    const nlohmann::json figures = rows(protocol).at(0)["figures"];
     for (const char* axis : {"x", "y", "z"}) {
       EXPECT_NEAR(figures[fmt::format("imu1.angle_error_{}_rad", axis)].get<double>(), std::numbers::pi / 180 * 0.2,
                   1e-9)
@@ -141,6 +124,32 @@ TEST_F(CampaignDeaths, TheIntegratedErrorOfABiasIsKnown) {
       EXPECT_NEAR(figures[fmt::format("imu1.velocity_error_{}_m_per_s", axis)].get<double>(), 0.0980665 * 0.2, 1e-9)
           << figures;
     }
+  }
+}
+
+// An expectation holds if its time, which begins at a uniform instant, ends before the run: with known probability.
+// The number that passes is binomial; a bound of 5 standard deviations has a false-alarm probability of 6e-7.
+// Wilson's interval of 95 % has the probability in it for 19 of 20 seeds of the draws, and for the default one.
+TEST_F(CampaignDeaths, ThePassRateOfAKnownProbabilityIsInItsInterval) {
+  write("imu.toml", base + "[[expect]]\nname = \"quiet\"\nwhat = \"host_is_silent\"\nat_s = 0\nwithin_s = 0.05\n");
+  for (const double to_s : {0.2, 0.3, 1.0}) {
+    write("plan.toml",
+          head + fmt::format("[draws]\ncount = 4000\n[draws.keys]\n\"expect.0.at_s\" = {{ distribution = "
+                             "\"uniform\", from = 0, to = {} }}\n",
+                             to_s));
+    const std::string folder = fmt::format("to_{}", to_s);
+    ASSERT_EQ(run(folder).exit_code, 3);
+    const std::vector<nlohmann::json> all = rows(folder);
+    ASSERT_EQ(all.size(), 4000U);
+    std::uint64_t passes = 0;
+    for (const nlohmann::json& row : all) passes += row["expect"]["quiet"].get<bool>() ? 1U : 0U;
+    // The run has samples to 0.2 s.
+    const double p = 0.15 / to_s, n = 4000;
+    EXPECT_NEAR(static_cast<double>(passes), p * n, 5 * std::sqrt(n * p * (1 - p))) << to_s;
+    const Interval interval = wilson_interval(passes, all.size());
+    EXPECT_LT(interval.low, p) << to_s;
+    EXPECT_GT(interval.high, p) << to_s;
+    EXPECT_LT(interval.high - interval.low, 0.035) << to_s;
   }
 }
 

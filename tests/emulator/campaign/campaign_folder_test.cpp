@@ -22,24 +22,13 @@ namespace {
 
 using Json = nlohmann::json;
 
-class CampaignFolders : public CampaignFolder {
+class CampaignFolders : public CampaignWithResults {
  protected:
   // The capture of another flight, as long as truth_rows.
   static std::string other_truth() {
     std::string text = truth_rows;
     text.replace(text.rfind("9.8"), 3, "9.7");
     return text;
-  }
-  std::string plan(const std::string& more) const { return write("plan.toml", head + more); }
-  ProgramResult run(const std::string& folder, std::vector<std::string> more = {}) const {
-    more.insert(more.begin(), {"campaign", "run", path("plan.toml"), "--into", path(folder), "--jobs", "2"});
-    return run_program("imud", more);
-  }
-  static ProgramResult resume(const std::string& folder) {
-    return run_program("imud", {"campaign", "resume", folder, "--jobs", "2"});
-  }
-  ProgramResult status(const std::string& folder) const {
-    return run_program("imud", {"campaign", "status", path(folder), "--json"});
   }
   std::vector<std::string> names(const std::string& folder) const {
     std::vector<std::string> all;
@@ -81,7 +70,7 @@ TEST_F(CampaignFolders, ACaseHasTheCaptureOfItsIdentity) {
   CaseRunner runner(campaign);
   const std::string before = runner.run(0, no_stop, {})->row;
   write("truth.csv", other_truth() + "210000000,0,0,0,0,0,0,0,0,-9.8\n");
-  // Another seed of the same case may have either capture, but the identity is that of its digest.
+  // Another seed of the same case may have been run on either capture, with the identity of that capture.
   const std::string second = Json::parse(runner.run(1, no_stop, {})->row)["identity"];
   EXPECT_NE(second, Json::parse(alone(campaign, 1))["identity"]);
   EXPECT_EQ(runner.run(2, no_stop, {})->row, alone(campaign, 2));
@@ -94,9 +83,9 @@ TEST_F(CampaignFolders, EachConfigurationOfAShardIsCompared) {
   plan("seeds = \"1..2\"\nbatch = 4\n[axes]\ncapture = [\"truth.csv\", \"other.csv\"]\n");
   ASSERT_EQ(run("runs").exit_code, 0);
   write("other.csv", other_truth());
-  expect_refused(resume(path("runs")), "case 2: the plan is the same, but its configuration or a file that it names");
+  expect_refused(resume("runs"), "case 2: the plan is the same, but its configuration or a file that it names");
   write("other.csv", truth_rows);
-  EXPECT_EQ(resume(path("runs")).exit_code, 0);
+  EXPECT_EQ(resume("runs").exit_code, 0);
 }
 
 TEST_F(CampaignFolders, RowsThatStayAreReadWhenTheirShardBegins) {
@@ -112,17 +101,17 @@ TEST_F(CampaignFolders, RowsThatStayAreReadWhenTheirShardBegins) {
   EXPECT_EQ(missing.case_of(1), 7U);
   EXPECT_EQ(missing.shards().at(0).kept(), 2U);
   EXPECT_EQ(missing.kept().rows, 6U);
-  EXPECT_EQ(resume(path("runs")).exit_code, 0);
+  EXPECT_EQ(resume("runs").exit_code, 0);
   EXPECT_EQ(read_file(path("runs/shards/") + shard_name({4, 7})), whole);
 }
 
-// Of a campaign that does not fit, none of whose shards is there.
+// A campaign that does not fit is refused, as no shard of it is there yet.
 TEST_F(CampaignFolders, WhatDoesNotFitIsNotResumed) {
   plan(
       "seeds = \"1..10000000\"\nbatch = 1000000\n[axes]\nimu.imu1.gyro.bias_deg_per_s = {from = 0, to = 1, count = "
       "100}\n");
   open_result_folder(path("runs"), read_campaign(path("plan.toml")));
-  expect_refused(resume(path("runs")), "1000000000 cases write about ");
+  expect_refused(resume("runs"), "1000000000 cases write about ");
 }
 
 TEST_F(CampaignFolders, CasesOfShardsThatAreLostAreNotCounted) {
@@ -146,11 +135,11 @@ TEST_F(CampaignFolders, CasesThatHaveFailedBeforeCount) {
     json["expect"]["never"] = false;
     return json.dump();
   });
-  for (const ProgramResult& done : {run("runs"), run("runs"), resume(path("runs"))}) {
+  for (const ProgramResult& done : {run("runs"), run("runs"), resume("runs")}) {
     EXPECT_EQ(done.exit_code, 3) << done.errors;
     EXPECT_TRUE(contains(done.output, "0 could not be run, 1 incomplete or with failed expectations")) << done.output;
   }
-  const ProgramResult shown = status("runs");
+  const ProgramResult shown = status("runs", {"--json"});
   EXPECT_EQ(shown.exit_code, 3);
   EXPECT_EQ(Json::parse(shown.output)["cases_done"], 8);
   EXPECT_EQ(Json::parse(shown.output)["expectations_failed"], 1);
@@ -164,12 +153,12 @@ TEST_F(CampaignFolders, APlanThatWasMovedWithItsFolderIsFound) {
                                           "--case",   "0..3"};
   ASSERT_EQ(run_program("imud", first).exit_code, 0);
   std::filesystem::rename(path("here"), path("there"));
-  const ProgramResult done = resume(path("there/runs"));
+  const ProgramResult done = resume("there/runs");
   EXPECT_EQ(done.exit_code, 0) << done.errors;
   EXPECT_EQ(run_program("imud", {"campaign", "repeat", path("there/runs"), "2"}).exit_code, 0);
   // At another place than with the folder.
   std::filesystem::rename(path("there/plan.toml"), path("plan.toml"));
-  expect_refused(resume(path("there/runs")),
+  expect_refused(resume("there/runs"),
                  fmt::format("its plan is not at {}, nor at {}; imud campaign run PLAN --into {} takes it",
                              path("here/plan.toml"), path("there/plan.toml"), path("there/runs")));
   EXPECT_EQ(run("there/runs").exit_code, 0);
@@ -179,11 +168,11 @@ TEST_F(CampaignFolders, TheCopyOfThePlanIsWrittenAgain) {
   plan("seeds = \"1..4\"\nbatch = 4\n");
   ASSERT_EQ(run("runs").exit_code, 0);
   std::filesystem::remove(path("runs/plan.toml"));
-  ASSERT_EQ(resume(path("runs")).exit_code, 0);
+  ASSERT_EQ(resume("runs").exit_code, 0);
   EXPECT_EQ(read_file(path("runs/plan.toml")), read_file(path("plan.toml")));
   std::filesystem::remove(path("runs/plan.toml"));
   plan("seeds = \"1..5\"\nbatch = 4\n");
-  expect_refused(resume(path("runs")), "the plan is another one (" + path("runs/plan.toml") + " is missing there)");
+  expect_refused(resume("runs"), "the plan is another one (" + path("runs/plan.toml") + " is missing there)");
 }
 
 TEST_F(CampaignFolders, ARowWithoutAResultIsDamage) {
@@ -191,11 +180,11 @@ TEST_F(CampaignFolders, ARowWithoutAResultIsDamage) {
   ASSERT_EQ(run("runs").exit_code, 0);
   for (const char* row : {"no JSON", "[]", "{\"exit_code\":0}"}) {
     change_row("runs", {4, 7}, 2, [&](const std::string&) { return row; });
-    const ProgramResult shown = status("runs");
+    const ProgramResult shown = status("runs", {"--json"});
     EXPECT_EQ(shown.exit_code, 3) << shown.errors;
     EXPECT_EQ(Json::parse(shown.output)["damaged"],
               Json::array({shard_name({4, 7}) + " has no result in the row of case 6"}));
-    EXPECT_EQ(resume(path("runs")).exit_code, 0);
+    EXPECT_EQ(resume("runs").exit_code, 0);
     EXPECT_EQ(status("runs").exit_code, 0);
   }
 }
@@ -215,7 +204,7 @@ TEST_F(CampaignFolders, NumbersAndNamesThatNoCaseHasAreRefused) {
                  "its path must be UTF-8, as the results have it; rename the folder");
 }
 
-// Their time is that of the last row that was written.
+// The time of a shard at work is the time of its last written row.
 TEST_F(CampaignFolders, FilesOfDeadHostsAreTakenAwayAfterADay) {
   using namespace std::chrono_literals;
   plan("seeds = \"1..12\"\nbatch = 4\n");
@@ -229,7 +218,7 @@ TEST_F(CampaignFolders, FilesOfDeadHostsAreTakenAwayAfterADay) {
   };
   const std::string of_whole = temporary("000000000-000000003", 1h), old = temporary("000000004-000000007", 25h),
                     young = temporary("000000008-000000011", 23h);
-  const Json running = Json::parse(status("runs").output)["running"];
+  const Json running = Json::parse(status("runs", {"--json"}).output)["running"];
   EXPECT_EQ(running.size(), 1U) << running;
   ASSERT_EQ(run("runs", {"--case", "4..7"}).exit_code, 0);
   EXPECT_TRUE(std::filesystem::exists(old)) << "a task of an array does not list the folder";
@@ -237,7 +226,7 @@ TEST_F(CampaignFolders, FilesOfDeadHostsAreTakenAwayAfterADay) {
   EXPECT_TRUE(std::filesystem::exists(of_whole));
   EXPECT_FALSE(std::filesystem::exists(old));
   EXPECT_TRUE(std::filesystem::exists(young));
-  EXPECT_EQ(Json::parse(status("runs").output)["running"], Json::array());
+  EXPECT_EQ(Json::parse(status("runs", {"--json"}).output)["running"], Json::array());
 }
 
 TEST_F(CampaignFolders, ShardsAtWhichOthersAreAtWorkComeLast) {

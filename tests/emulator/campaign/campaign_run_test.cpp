@@ -23,41 +23,11 @@ namespace {
 
 using Json = nlohmann::json;
 
-class CampaignRuns : public CampaignFolder {
+class CampaignRuns : public CampaignWithResults {
  protected:
-  // Noise, so that each seed has its own bytes.
-  CampaignRuns() { write("imu.toml", base + "gyro.angle_random_walk_deg_per_rt_hr = 0.6\n"); }
-
-  std::string plan(const std::string& more) const { return write("plan.toml", head + more); }
   // 24 cases of 3 rates and 8 seeds, in shards of 4.
   std::string small_plan() const {
     return plan("seeds = \"1..8\"\nbatch = 4\n[axes]\n\"imu.imu1.rate_hz\" = [50, 100, 200]\n");
-  }
-  ProgramResult run(const std::string& folder, std::vector<std::string> more = {}) const {
-    more.insert(more.begin(), {"campaign", "run", path("plan.toml"), "--into", path(folder)});
-    return run_program("imud", more);
-  }
-  ProgramResult resume(const std::string& folder) const {
-    return run_program("imud", {"campaign", "resume", path(folder), "--jobs", "2"});
-  }
-  ProgramResult status(const std::string& folder, std::vector<std::string> more = {}) const {
-    more.insert(more.begin(), {"campaign", "status", path(folder)});
-    return run_program("imud", more);
-  }
-  // Returns the content of each file of the shards by its name.
-  std::map<std::string, std::string> shards(const std::string& folder) const {
-    std::map<std::string, std::string> all;
-    for (const auto& entry : std::filesystem::directory_iterator(path(folder) + "/shards"))
-      all[entry.path().filename().string()] = read_file(entry.path().string());
-    return all;
-  }
-  std::vector<Json> rows(const std::string& folder) const {
-    std::vector<Json> all;
-    for (const auto& [name, text] : shards(folder)) {
-      const std::vector<std::string> lines = lines_of(text);
-      for (std::size_t i = 1; i + 1 < lines.size(); ++i) all.push_back(Json::parse(lines[i]));
-    }
-    return all;
   }
   std::string shard_path(const std::string& folder, const CaseRange& cases) const {
     return path(folder) + "/shards/" + shard_name(cases);

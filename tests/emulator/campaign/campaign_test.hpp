@@ -1,12 +1,16 @@
 // Shared by the tests of campaigns: a folder with a configuration, a capture, and plans.
 #pragma once
 
+#include <filesystem>
+#include <map>
+#include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
 #include "emulator/campaign/campaign.hpp"
 #include "tests/emulator/campaign/expect_parts.hpp"
 #include "tests/emulator/run/run_test.hpp"
+#include "tests/support/text.hpp"
 
 namespace imud {
 
@@ -54,6 +58,41 @@ accelerometer.max_m_per_s2 = 100
     for (int i = 0; i <= 20; ++i) text += fmt::format("{}0000000,0,0,0,0,0,0,0,0,-9.8\n", i);
     return text;
   }();
+};
+
+// A campaign that runs: `plan.toml` in the folder, whose results are in other folders.
+class CampaignWithResults : public CampaignFolder {
+ protected:
+  // Noise, so that each seed has its own bytes.
+  CampaignWithResults() { write("imu.toml", base + "gyro.angle_random_walk_deg_per_rt_hr = 0.6\n"); }
+
+  std::string plan(const std::string& more) const { return write("plan.toml", head + more); }
+  ProgramResult run(const std::string& folder, std::vector<std::string> more = {}) const {
+    more.insert(more.begin(), {"campaign", "run", path("plan.toml"), "--into", path(folder)});
+    return run_program("imud", more);
+  }
+  ProgramResult resume(const std::string& folder) const {
+    return run_program("imud", {"campaign", "resume", path(folder), "--jobs", "2"});
+  }
+  ProgramResult status(const std::string& folder, std::vector<std::string> more = {}) const {
+    more.insert(more.begin(), {"campaign", "status", path(folder)});
+    return run_program("imud", more);
+  }
+  // Returns the content of each file of the shards by its name.
+  std::map<std::string, std::string> shards(const std::string& folder) const {
+    std::map<std::string, std::string> all;
+    for (const auto& entry : std::filesystem::directory_iterator(path(folder) + "/shards"))
+      all[entry.path().filename().string()] = read_file(entry.path().string());
+    return all;
+  }
+  std::vector<nlohmann::json> rows(const std::string& folder) const {
+    std::vector<nlohmann::json> all;
+    for (const auto& [name, text] : shards(folder)) {
+      const std::vector<std::string> lines = lines_of(text);
+      for (std::size_t i = 1; i + 1 < lines.size(); ++i) all.push_back(nlohmann::json::parse(lines[i]));
+    }
+    return all;
+  }
 };
 
 }  // namespace imud

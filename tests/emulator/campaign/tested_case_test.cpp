@@ -22,22 +22,13 @@ namespace {
 
 using Json = nlohmann::json;
 
-class TestedCases : public CampaignFolder {
+class TestedCases : public CampaignWithResults {
  protected:
-  TestedCases() { write("imu.toml", base + "gyro.angle_random_walk_deg_per_rt_hr = 0.6\n"); }
   // Runs four seeds, with the command if there is one.
   ProgramResult run(const std::string& folder, const std::string& command, const std::string& limit_s = "60") const {
     std::string text = head + "seeds = \"1..4\"\nbatch = 4\n";
     if (!command.empty()) text += fmt::format("[test]\ntime_limit_s = {}\ncommand = '''{}'''\n", limit_s, command);
     return run_program("imud", {"campaign", "run", write("plan.toml", text), "--into", path(folder), "--jobs", "2"});
-  }
-  std::vector<Json> rows(const std::string& folder) const {
-    std::string fault;
-    const std::optional<Shard> shard = ResultFolder(path(folder)).read({0, 3}, fault);
-    std::vector<Json> all;
-    if (!shard) ADD_FAILURE() << fault;
-    for (std::size_t i = 0; shard && i < shard->rows.size(); ++i) all.push_back(Json::parse(shard->rows[i]));
-    return all;
   }
 };
 
