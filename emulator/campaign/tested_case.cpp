@@ -3,12 +3,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cerrno>
 #include <chrono>
-#include <cstdlib>
-#include <cstring>
 #include <fstream>
-#include <system_error>
 #include <thread>
 
 #include "transports/port.hpp"
@@ -24,46 +20,31 @@ const Transport& terminal() {
   throw PortError("no transport makes a pseudo-terminal");
 }
 
-std::filesystem::path make_folder() {
-  std::string name = (std::filesystem::temp_directory_path() / "imud_case_XXXXXX").string();
-  if (::mkdtemp(name.data()) == nullptr) throw PortError(fmt::format("{}: {}", name, std::strerror(errno)));
-  return name;
-}
-
 }  // namespace
 
 TestedCase::TestedCase(const Campaign& campaign, const CampaignCase& one, Config& config, bool is_shown)
-    : limit_s_(campaign.test->time_limit_s) {
+    : limit_s_(campaign.test->time_limit_s),
+      command_(
+          {.folder = std::filesystem::path(campaign.file).parent_path(), .limit_s = limit_s_, .is_shown = is_shown}) {
   const auto imu =
       std::ranges::find_if(config.imus, [](const ImuConfig& any) { return any.protocol->link == Link::bytes; });
   if (imu == config.imus.end())
     throw PortError("[test]: no imu has a serial line for the command; give one another protocol");
   imu_ = static_cast<std::size_t>(imu - config.imus.begin());
-  folder_ = make_folder();
-  const std::string port = folder_ / "port";
+  const std::string port = command_.scratch() / "port";
   imu->port = fmt::format("{}:{}", terminal().name, port);
   imu->also = {imu->port};
   imu->also_settings = {imu->port_settings};
-  start_ = {.command = with_values(campaign.test->command, {{"port", port},
-                                                            {"case", fmt::to_string(one.index)},
-                                                            {"seed", fmt::to_string(one.seed)},
-                                                            {"metrics", folder_ / "metrics.json"}}),
-            .folder = std::filesystem::path(campaign.file).parent_path(),
-            .limit_s = limit_s_,
-            .is_shown = is_shown,
-            .scratch_folder = folder_};
-}
-
-TestedCase::~TestedCase() {
-  command_.reset();
-  std::error_code error;
-  std::filesystem::remove_all(folder_, error);
+  text_ = with_values(campaign.test->command, {{"port", port},
+                                               {"case", fmt::to_string(one.index)},
+                                               {"seed", fmt::to_string(one.seed)},
+                                               {"metrics", command_.scratch() / "metrics.json"}});
 }
 
 void TestedCase::begin(Engine& engine, const std::atomic<bool>& stop) {
-  command_.emplace(start_);
+  command_.start(text_);
   Port& port = *engine.channels()[imu_]->lines.all().front().port;
-  while (!stop && !command_->has_ended()) {  // it is killed at its time limit
+  while (!stop && !command_.has_ended()) {  // it is killed at its time limit
     port.flush();
     has_opened_ = port.state() != PortState::no_reader;
     if (has_opened_) return;
@@ -72,7 +53,7 @@ void TestedCase::begin(Engine& engine, const std::atomic<bool>& stop) {
 }
 
 nlohmann::ordered_json TestedCase::end(const std::atomic<bool>& stop, std::vector<std::string>& shortfalls) {
-  const TestCommand::End end = command_->wait(stop);
+  const TestCommand::End end = command_.wait(stop);
   if (!has_opened_) shortfalls.emplace_back("the test has not opened {port}");
   if (end.is_timed_out)
     shortfalls.push_back(fmt::format("the test was killed after {:g} s", limit_s_));
@@ -80,7 +61,7 @@ nlohmann::ordered_json TestedCase::end(const std::atomic<bool>& stop, std::vecto
     shortfalls.push_back(fmt::format("the test has ended with {}", end.exit_code));
   nlohmann::ordered_json test = {
       {"exit_code", end.exit_code}, {"timed_out", end.is_timed_out}, {"metrics", nlohmann::ordered_json::object()}};
-  if (std::ifstream file(folder_ / "metrics.json"); file) {
+  if (std::ifstream file(command_.scratch() / "metrics.json"); file) {
     nlohmann::ordered_json metrics = nlohmann::ordered_json::parse(file, nullptr, false);
     if (metrics.is_object())
       test["metrics"] = std::move(metrics);

@@ -3,9 +3,7 @@
 
 #include <atomic>
 #include <cstddef>
-#include <filesystem>
 #include <nlohmann/json.hpp>
-#include <optional>
 #include <string>
 #include <vector>
 
@@ -21,9 +19,9 @@ namespace imud {
 class TestedCase {
  public:
   // Gives the first imu of `config` with a serial line a pseudo-terminal in a folder of its own, and a copy of its
-  // bytes. `is_shown`: the output of the command goes to standard error. Throws PortError if no imu has such a line.
+  // bytes. `is_shown`: the output of the command goes to standard error. Throws PortError if no imu has such a line,
+  // std::runtime_error as TestCommand does.
   TestedCase(const Campaign& campaign, const CampaignCase& one, Config& config, bool is_shown);
-  ~TestedCase();
   TestedCase(const TestedCase&) = delete;
   TestedCase& operator=(const TestedCase&) = delete;
 
@@ -38,10 +36,9 @@ class TestedCase {
 
  private:
   const double limit_s_;
-  std::filesystem::path folder_;
-  TestCommand::Start start_;
+  TestCommand command_;
+  std::string text_;  // of the command
   std::size_t imu_ = 0;
-  std::optional<TestCommand> command_;
   bool has_opened_ = false;
 };
 

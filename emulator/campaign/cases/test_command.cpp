@@ -14,7 +14,9 @@
 #include <boost/algorithm/string/replace.hpp>
 #include <cerrno>
 #include <chrono>
+#include <climits>
 #include <csignal>
+#include <cstdlib>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
@@ -34,7 +36,7 @@ std::string in_quotes(const std::string& text) {
   return "'" + boost::replace_all_copy(text, "'", "'\\''") + "'";
 }
 
-[[noreturn]] void become(const TestCommand::Start& start) {
+[[noreturn]] void become(const std::string& command, const TestCommand::Options& options) {
   ::prctl(PR_SET_PDEATHSIG, SIGKILL);
   ::setpgid(0, 0);
   sigset_t none_blocked;
@@ -43,11 +45,11 @@ std::string in_quotes(const std::string& text) {
   for (const int signal : {SIGINT, SIGTERM, SIGHUP, SIGPIPE, SIGXFSZ}) std::signal(signal, SIG_DFL);
   const int none = ::open("/dev/null", O_RDWR);
   ::dup2(none, STDIN_FILENO);
-  ::dup2(start.is_shown ? STDERR_FILENO : none, STDOUT_FILENO);
-  if (!start.is_shown) ::dup2(none, STDERR_FILENO);
+  ::dup2(options.is_shown ? STDERR_FILENO : none, STDOUT_FILENO);
+  if (!options.is_shown) ::dup2(none, STDERR_FILENO);
   constexpr int cannot_run = 126;
-  if (::chdir(start.folder.c_str()) != 0) ::_exit(cannot_run);
-  ::execl("/bin/sh", "sh", "-c", start.command.c_str(), nullptr);
+  if (::chdir(options.folder.c_str()) != 0) ::_exit(cannot_run);
+  ::execl("/bin/sh", "sh", "-c", command.c_str(), nullptr);
   ::_exit(cannot_run);
 }
 
@@ -70,21 +72,18 @@ int close_others(int kept) {
   return first;
 }
 
-// The life of the supervisor: it sends the End of the command by its link, at whose other end's end it ends, too.
-[[noreturn]] void supervise(const TestCommand::Start& start, int link_of_parent) {
-  const int link = close_others(link_of_parent);
-  ::setpgid(0, 0);
-  ::prctl(PR_SET_CHILD_SUBREAPER, 1);
-  for (const int signal : {SIGINT, SIGTERM, SIGHUP, SIGPIPE}) std::signal(signal, SIG_IGN);
+// Runs the command until it ends, until its time limit, or until the link has anything to read: nothing that it has
+// started is left.
+TestCommand::End run_shell(const std::string& text, const TestCommand::Options& options, int link) {
   sigset_t of_children;
   sigemptyset(&of_children);
   sigaddset(&of_children, SIGCHLD);
   ::sigprocmask(SIG_BLOCK, &of_children, nullptr);
   const FileDescriptor deaths(::signalfd(-1, &of_children, SFD_CLOEXEC | SFD_NONBLOCK));
   using Clock = std::chrono::steady_clock;
-  const auto limit = Clock::now() + std::chrono::duration<double>(start.limit_s);
+  const auto limit = Clock::now() + std::chrono::duration<double>(options.limit_s);
   const pid_t command = ::fork();
-  if (command == 0) become(start);
+  if (command == 0) become(text, options);
   TestCommand::End end{by_signal + SIGKILL, false};
   for (bool runs = command > 0; runs;) {
     const double left_s = std::chrono::duration<double>(limit - Clock::now()).count();
@@ -104,12 +103,39 @@ int close_others(int kept) {
     if (ready[0].revents != 0 || end.is_timed_out) break;
   }
   end_children();
-  if (::send(link, &end, sizeof end, MSG_NOSIGNAL) == sizeof end) {
-    char last = 0;
-    while (::read(link, &last, 1) < 0 && errno == EINTR) {
-    }
+  return end;
+}
+
+// Receives a message of at most `size` bytes. Returns an empty text at the link's end.
+std::string receive_text(int link, std::size_t size) {
+  std::string text(size, '\0');
+  ssize_t received = 0;
+  while ((received = ::recv(link, text.data(), text.size(), 0)) < 0 && errno == EINTR) {
   }
-  if (std::error_code error; !start.scratch_folder.empty()) std::filesystem::remove_all(start.scratch_folder, error);
+  text.resize(static_cast<std::size_t>(std::max<ssize_t>(received, 0)));
+  return text;
+}
+
+constexpr std::size_t longest_command = 131072;  // MAX_ARG_STRLEN of Linux: one word of a command line
+
+// The life of the supervisor: it ends when the link's other end is closed, however that process has ended. Its exit
+// code is the error number if there can be no folder.
+[[noreturn]] void supervise(const TestCommand::Options& options, int link_of_parent) {
+  const int link = close_others(link_of_parent);
+  ::setpgid(0, 0);
+  ::prctl(PR_SET_CHILD_SUBREAPER, 1);
+  for (const int signal : {SIGINT, SIGTERM, SIGHUP, SIGPIPE}) std::signal(signal, SIG_IGN);
+  std::error_code error;
+  std::string scratch = (std::filesystem::temp_directory_path(error) / "imud_case_XXXXXX").string();
+  if (error) ::_exit(error.value());
+  if (::mkdtemp(scratch.data()) == nullptr) ::_exit(errno);
+  ::send(link, scratch.data(), scratch.size(), MSG_NOSIGNAL);
+  if (const std::string command = receive_text(link, longest_command); !command.empty()) {
+    const TestCommand::End end = run_shell(command, options, link);
+    ::send(link, &end, sizeof end, MSG_NOSIGNAL);
+    receive_text(link, 1);
+  }
+  std::filesystem::remove_all(scratch, error);
   ::_exit(0);
 }
 
@@ -120,17 +146,33 @@ std::string with_values(std::string command, const std::map<std::string, std::st
   return command;
 }
 
-TestCommand::TestCommand(const Start& start) {
+TestCommand::TestCommand(const Options& options) {
   std::array<int, 2> ends{};
-  if (::socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends.data()) != 0)
+  if (::socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, ends.data()) != 0)
     throw std::runtime_error(fmt::format("a process of the test: {}", std::strerror(errno)));
   link_ = FileDescriptor(ends[0]);
-  const FileDescriptor other(ends[1]);
+  FileDescriptor other(ends[1]);
   supervisor_ = ::fork();
   if (supervisor_ < 0) throw std::runtime_error(fmt::format("a process of the test: {}", std::strerror(errno)));
-  if (supervisor_ > 0) return;
-  link_.reset();
-  supervise(start, other.get());
+  if (supervisor_ == 0) {
+    link_.reset();
+    supervise(options, other.get());
+  }
+  other.reset();
+  scratch_ = receive_text(link_.get(), PATH_MAX);
+  if (!scratch_.empty()) return;
+  int status = 0;
+  while (::waitpid(supervisor_, &status, 0) < 0 && errno == EINTR) {
+  }
+  throw std::runtime_error(
+      fmt::format("a folder for the files of a test: {}",
+                  WIFEXITED(status) ? std::strerror(WEXITSTATUS(status)) : "its process has died"));
+}
+
+void TestCommand::start(const std::string& command) {
+  if (command.size() > longest_command)
+    throw std::runtime_error(fmt::format("a command of {} bytes; Linux allows {}", command.size(), longest_command));
+  ::send(link_.get(), command.data(), command.size(), MSG_NOSIGNAL);
 }
 
 TestCommand::~TestCommand() {
@@ -150,7 +192,7 @@ TestCommand::End TestCommand::wait(const std::atomic<bool>& stop) noexcept {
   constexpr int between_looks_ms = 100;
   while (::poll(&ready, 1, between_looks_ms) <= 0)
     if (stop) ::shutdown(link_.get(), SHUT_WR);
-  while (::recv(link_.get(), &end, sizeof end, MSG_WAITALL) < 0 && errno == EINTR) {
+  while (::recv(link_.get(), &end, sizeof end, 0) < 0 && errno == EINTR) {
   }
   return end;
 }

@@ -4,6 +4,7 @@
 #include <sys/types.h>
 
 #include <atomic>
+#include <filesystem>
 #include <map>
 #include <string>
 
@@ -15,23 +16,26 @@ namespace imud {
 std::string with_values(std::string command, const std::map<std::string, std::string>& values);
 
 // A process of the shell with all that it starts. A supervisor, which adopts orphans of it, ends them at the time
-// limit, by the destructor, and when this process is killed. One thread.
+// limit, by the destructor, and when this process is killed; then it removes the folder for files of the case, which
+// it has made. One thread.
 class TestCommand {
  public:
-  struct Start {
-    std::string command;         // of the shell
-    std::string folder;          // in which it works
-    double limit_s = 60;         // from the start to the end
-    bool is_shown = false;       // its output goes to standard error; otherwise nowhere
-    std::string scratch_folder;  // removed at last, by the supervisor; empty: none
+  struct Options {
+    std::string folder;     // in which the command works
+    double limit_s = 60;    // from the start to the end
+    bool is_shown = false;  // its output goes to standard error; otherwise nowhere
   };
-  // Throws std::runtime_error if no process can be started.
-  explicit TestCommand(const Start& start);
+  // Starts the supervisor. Throws std::runtime_error if there can be no process or no folder.
+  explicit TestCommand(const Options& options);
   TestCommand(const TestCommand&) = delete;
   TestCommand& operator=(const TestCommand&) = delete;
-  // Ends the command, and waits until the scratch folder is removed.
+  // Ends the command, and waits until the folder for files is removed.
   ~TestCommand();
 
+  // The folder for files of the case, in the folder for temporary files.
+  const std::filesystem::path& scratch() const noexcept { return scratch_; }
+  // Starts the command, of the shell; once. Throws std::runtime_error if it is too long.
+  void start(const std::string& command);
   bool has_ended() const noexcept;
   struct End {
     int exit_code = 0;  // 128 and the signal if one has ended it
@@ -42,7 +46,8 @@ class TestCommand {
 
  private:
   pid_t supervisor_ = 0;
-  FileDescriptor link_;  // to the supervisor, which sends an End
+  FileDescriptor link_;  // to the supervisor: it sends the folder, takes the command, and sends an End
+  std::filesystem::path scratch_;
 };
 
 }  // namespace imud

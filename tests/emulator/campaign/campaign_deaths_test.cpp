@@ -1,12 +1,10 @@
 // Campaigns whose processes are killed, and a campaign whose answer is known.
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <chrono>
 #include <cmath>
 #include <csignal>
 #include <cstdlib>
-#include <fstream>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <numbers>
@@ -31,13 +29,6 @@ class CampaignDeaths : public CampaignWithResults {
     return given != nullptr ? std::atoi(given) : 20;
   }
 };
-
-std::vector<pid_t> children_of(pid_t process) {
-  std::ifstream file(fmt::format("/proc/{0}/task/{0}/children", process));
-  std::vector<pid_t> all;
-  for (pid_t child = 0; file >> child;) all.push_back(child);
-  return all;
-}
 
 // Each process is killed after a time that may be anywhere in its life. A case at which two workers were killed has a
 // row with an error, which the next call does again.

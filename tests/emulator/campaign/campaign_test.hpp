@@ -1,7 +1,10 @@
 // Shared by the tests of campaigns: a folder with a configuration, a capture, and plans.
 #pragma once
 
+#include <sys/types.h>
+
 #include <filesystem>
+#include <fstream>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -94,5 +97,12 @@ class CampaignWithResults : public CampaignFolder {
     return all;
   }
 };
+
+inline std::vector<pid_t> children_of(pid_t process) {
+  std::ifstream file(fmt::format("/proc/{0}/task/{0}/children", process));
+  std::vector<pid_t> all;
+  for (pid_t child = 0; file >> child;) all.push_back(child);
+  return all;
+}
 
 }  // namespace imud

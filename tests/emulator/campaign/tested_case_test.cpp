@@ -6,8 +6,8 @@
 #include <csignal>
 #include <cstdlib>
 #include <filesystem>
-#include <fstream>
 #include <nlohmann/json.hpp>
+#include <random>
 #include <string>
 #include <system_error>
 #include <thread>
@@ -103,6 +103,14 @@ std::vector<std::string> processes_with(const std::string& mark) {
   return all;
 }
 
+// Waits until all of them have ended, for half a minute at most. Returns those that have not.
+std::vector<std::string> left_of(const std::string& mark) {
+  std::vector<std::string> left;
+  for (int i = 0; i < 300 && !(left = processes_with(mark)).empty(); ++i)
+    std::this_thread::sleep_for(std::chrono::milliseconds(100));
+  return left;
+}
+
 // A process of the command that has left its group ends with it, and so does all of it with imud, however that ends.
 TEST_F(TestedCases, NothingOfTheCommandIsLeftBehind) {
   const std::string mark = fmt::format("{}-left", ::getpid()), scratch = path("scratch");
@@ -125,21 +133,47 @@ command = "setsid sleep 1000 & sleep 1000 & cat {port} > /dev/null; test {seed} 
     for (int i = 0; i < 600 && !is_asleep(); ++i) std::this_thread::sleep_for(std::chrono::milliseconds(100));
     EXPECT_EQ(processes_with(mark).size(), all);
     std::filesystem::remove(path("begun"));
-    std::vector<pid_t> workers;
-    std::ifstream children(fmt::format("/proc/{0}/task/{0}/children", program.pid()));
-    for (pid_t child = 0; children >> child;) workers.push_back(child);
+    const std::vector<pid_t> workers = children_of(program.pid());
     ASSERT_EQ(workers.size(), 1U);
     if (kills_worker) ::kill(workers[0], SIGKILL);
     program.kill(SIGKILL);
     EXPECT_EQ(program.wait(), 128 + SIGKILL);
-    std::vector<std::string> left;
-    for (int i = 0; i < 300 && !(left = processes_with(mark)).empty(); ++i)
-      std::this_thread::sleep_for(std::chrono::milliseconds(100));
-    EXPECT_EQ(left, std::vector<std::string>());
+    EXPECT_EQ(left_of(mark), std::vector<std::string>());
     EXPECT_TRUE(std::filesystem::is_empty(scratch));
   }
   ::unsetenv("KEPT");
   ::unsetenv("TMPDIR");
+}
+
+// The folder for the files of a case is removed whenever its worker is killed: before the command has begun, too.
+TEST_F(TestedCases, AKilledWorkerLeavesNoFolder) {
+  const std::string mark = fmt::format("{}-killed", ::getpid()), scratch = path("scratch");
+  std::filesystem::create_directory(scratch);
+  const std::string plan =
+      write("plan.toml", head + "seeds = \"1..5000\"\n[test]\ncommand = \"cat {port} > /dev/null\"\n");
+  ASSERT_EQ(::setenv("TMPDIR", scratch.c_str(), 1) + ::setenv("KEPT", mark.c_str(), 1), 0);
+  Program program("imud");
+  program.start({"campaign", "run", plan, "--into", path("runs"), "--jobs", "1"});
+  ::unsetenv("KEPT");
+  ::unsetenv("TMPDIR");
+  std::mt19937 random(5);
+  constexpr int kills = 40;  // of at most two workers of a case
+  pid_t last = 0;
+  for (int i = 0; i < kills; ++i) {
+    std::vector<pid_t> workers;
+    const auto is_new = [&] {
+      workers = children_of(program.pid());
+      return workers.size() == 1 && workers[0] != last;
+    };
+    for (int k = 0; k < 30000 && !is_new(); ++k) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    ASSERT_TRUE(is_new()) << i;
+    std::this_thread::sleep_for(std::chrono::milliseconds(random() % 20));
+    ASSERT_EQ(::kill(last = workers[0], SIGKILL), 0) << i;
+  }
+  program.kill(SIGKILL);
+  EXPECT_EQ(program.wait(), 128 + SIGKILL);
+  EXPECT_EQ(left_of(mark), std::vector<std::string>());
+  EXPECT_TRUE(std::filesystem::is_empty(scratch));
 }
 
 TEST_F(TestedCases, AFolderWithABlankIsOneWord) {
