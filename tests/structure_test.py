@@ -204,6 +204,16 @@ for folder, suffix in (("arrays", "row_format"), ("input", "log_format"), ("trut
 if entries < 9:
     faults.append(f"tools: only {entries} entries of tables were found")
 
+# g++ 14 makes weak symbols of signal_protocol<NAME>, though NAME is in an anonymous namespace: with one name in two files
+# the linker takes one file's messages for both.
+tables = {}
+for path in [*(root / "protocols").rglob("*.cpp"), *(root / "tests/extension").rglob("*.cpp")]:
+    for table in re.findall(r"signal_protocol<(\w+)>", path.read_text()):
+        if (other := tables.setdefault(table, path)) != path:
+            faults.append(f"{path.relative_to(root)}: {table} is also of {other.relative_to(root)}: name it after the file")
+if len(tables) < 5:
+    faults.append(f"protocols: only {len(tables)} tables of signal_protocol() were found")
+
 # A chart of the page shows a member of the notifications, and its truth another one.
 sent = (root / "emulator/control/subscriptions.cpp").read_text()
 charts = re.findall(r"(\{key: \"(\w+)\",.*)", (root / "emulator/web/page/quantities.js").read_text())

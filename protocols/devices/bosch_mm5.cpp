@@ -29,11 +29,11 @@ constexpr CanSignal az[] = {
 constexpr SignalProductMessage messages[] = {
     {"yaw_ay", 0x174, 8, yaw_ay}, {"roll_ax", 0x178, 8, roll_ax}, {"az", 0x17C, 8, az}};
 // Ranges of the fields; noise of the same order as in similar sensors, as no data sheet was at hand.
-constexpr SignalProduct table = {.messages = messages,
-                                 .gyro_noise = 0.01 * units::degree,
-                                 .gyro_max = 163 * units::degree,
-                                 .accelerometer_noise = 200e-6 * units::standard_gravity,
-                                 .accelerometer_max = 4.1 * units::standard_gravity};
+constexpr SignalProduct bosch_mm5_table = {.messages = messages,
+                                           .gyro_noise = 0.01 * units::degree,
+                                           .gyro_max = 163 * units::degree,
+                                           .accelerometer_noise = 200e-6 * units::standard_gravity,
+                                           .accelerometer_max = 4.1 * units::standard_gravity};
 constexpr Setting settings[] = {output_rate_setting(100, 200), identifiers_setting(), id_offset_setting(),
                                 extended_setting()};
 
@@ -41,7 +41,7 @@ constexpr double rate_lsb = rate_scale * units::degree, force_lsb = acceleration
 
 }  // namespace
 
-extern constexpr Protocol bosch_mm5_protocol = signal_protocol<table>({
+extern constexpr Protocol bosch_mm5_protocol = signal_protocol<bosch_mm5_table>({
     .name = "bosch-mm5",
     .summary = "Bosch MM5.10 automotive inertial sensor: yaw and roll rate, three accelerations",
     .document = "Bosch MM5.10, calibration sheet",

@@ -133,7 +133,7 @@ constexpr Setting settings[] = {output_rate_setting(100, 200), identifiers_setti
                                              "receiver undoes; right_handed: it is positive",
                                              axes[0], axes)};
 
-const SignalProduct& table_of(const Settings& chosen) {
+const SignalProduct& bosch_mm7_table_of(const Settings& chosen) {
   return chosen.text("axes") == axes[0] ? table : right_handed_table;
 }
 
@@ -141,7 +141,7 @@ constexpr double rate_lsb = rate_scale * units::degree, force_lsb = acceleration
 
 }  // namespace
 
-extern constexpr Protocol bosch_mm7_protocol = signal_protocol<table_of>({
+extern constexpr Protocol bosch_mm7_protocol = signal_protocol<bosch_mm7_table_of>({
     .name = "bosch-mm7",
     .summary = "Bosch MM7.10 automotive inertial sensor: three messages with counter and CRC",
     .document = "off_highway_sensor_drivers, off_highway_mm7p10 at 8dd1f70 (Bosch's ROS 2 receiver)",

@@ -230,12 +230,12 @@ constexpr SignalProductMessage messages[] = {
     {"mag_1", 0x151, 6, mag_1},
 };
 // Ellipse: 450 deg/s, 0.15 deg/sqrt(h); 8 g, 57 ug/sqrt(Hz); from memory of the data sheet.
-constexpr SignalProduct table = {.messages = messages,
-                                 .has_choice = true,
-                                 .gyro_noise = 0.15 / 60 * units::degree,
-                                 .gyro_max = 450 * units::degree,
-                                 .accelerometer_noise = 57e-6 * units::standard_gravity,
-                                 .accelerometer_max = 8 * units::standard_gravity};
+constexpr SignalProduct sbg_can_table = {.messages = messages,
+                                         .has_choice = true,
+                                         .gyro_noise = 0.15 / 60 * units::degree,
+                                         .gyro_max = 450 * units::degree,
+                                         .accelerometer_noise = 57e-6 * units::standard_gravity,
+                                         .accelerometer_max = 8 * units::standard_gravity};
 
 constexpr std::string_view delivered[] = {"imu_info", "imu_accel", "imu_gyro"};
 constexpr Setting settings[] = {output_rate_setting(200, 1000), messages_setting(delivered), identifiers_setting(),
@@ -243,7 +243,7 @@ constexpr Setting settings[] = {output_rate_setting(200, 1000), messages_setting
 
 }  // namespace
 
-extern constexpr Protocol sbg_can_protocol = signal_protocol<table>({
+extern constexpr Protocol sbg_can_protocol = signal_protocol<sbg_can_table>({
     .name = "sbg-can",
     .summary = "SBG Systems Ellipse on CAN (sbgECan): IMU, attitude, position, UTC, status",
     .document = "sbgECom 5, doc/canProtocol.md",

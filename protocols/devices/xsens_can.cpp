@@ -179,12 +179,12 @@ constexpr SignalProductMessage messages[] = {
     {"velocity", 0x76, 6, velocity},
 };
 // MTi-600: 2000 deg/s, 0.007 deg/s/sqrt(Hz); 10 g, 60 ug/sqrt(Hz); from memory of the data sheet.
-constexpr SignalProduct table = {.messages = messages,
-                                 .has_choice = true,
-                                 .gyro_noise = 0.007 * units::degree,
-                                 .gyro_max = 2000 * units::degree,
-                                 .accelerometer_noise = 60e-6 * units::standard_gravity,
-                                 .accelerometer_max = 10 * units::standard_gravity};
+constexpr SignalProduct xsens_can_table = {.messages = messages,
+                                           .has_choice = true,
+                                           .gyro_noise = 0.007 * units::degree,
+                                           .gyro_max = 2000 * units::degree,
+                                           .accelerometer_noise = 60e-6 * units::standard_gravity,
+                                           .accelerometer_max = 10 * units::standard_gravity};
 
 constexpr std::string_view delivered[] = {"sample_time", "group_counter", "utc",          "status_word",
                                           "quaternion",  "rate_of_turn",  "acceleration", "temperature"};
@@ -193,7 +193,7 @@ constexpr Setting settings[] = {output_rate_setting(100, 2000), messages_setting
 
 }  // namespace
 
-extern constexpr Protocol xsens_can_protocol = signal_protocol<table>({
+extern constexpr Protocol xsens_can_protocol = signal_protocol<xsens_can_table>({
     .name = "xsens-can",
     .summary = "Xsens MTi-600 series on CAN: inertial data, increments, attitude, position, UTC",
     .document = "Xsens_MTi_CAN_ROS_Driver, config/xsens.dbc and xsens_parser.cpp",

@@ -60,7 +60,7 @@ std::vector<CanMessage> can_messages_of(const std::vector<SignalMessage>& messag
 inline std::vector<CanFilter> no_can_filters(const Settings&) { return {}; }
 
 // Completes the entry of a product of which `Choose` returns the table for the settings: `entry` has only what does
-// not follow from it.
+// not follow from it. No other file has a function or a table of that name.
 template <const SignalProduct& (*Choose)(const Settings&)>
 constexpr Protocol signal_protocol(Protocol entry) {
   entry.link = Link::can;

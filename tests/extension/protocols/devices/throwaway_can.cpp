@@ -16,13 +16,14 @@ constexpr CanSignal forces[] = {{"X", 7, 16, motorola_signed, force_lsb, 0, "spe
                                 {"Z", 39, 16, motorola_signed, force_lsb, 0, "specific_force_z_m_per_s2"},
                                 {"Counter", 48, 8, intel_unsigned, 1, 0, "sample_counter"}};
 constexpr SignalProductMessage messages[] = {{"rates", 0x300, 7, rates}, {"forces", 0x301, 7, forces}};
-constexpr SignalProduct table = {.messages = messages, .gyro_max = 30, .accelerometer_max = 150};  // without noise
+constexpr SignalProduct throwaway_can_table = {
+    .messages = messages, .gyro_max = 30, .accelerometer_max = 150};  // without noise
 constexpr Setting settings[] = {output_rate_setting(100, 500), identifiers_setting(), id_offset_setting(),
                                 extended_setting()};
 
 }  // namespace
 
-extern constexpr Protocol throwaway_can_protocol = signal_protocol<table>({
+extern constexpr Protocol throwaway_can_protocol = signal_protocol<throwaway_can_table>({
     .name = "throwaway-can",
     .summary = "a product whose messages are a table, of a test",
     .document = "this file",
