@@ -30,6 +30,7 @@ struct CampaignAxis {
 struct CampaignTest {
   std::string command;
   double time_limit_s = 60;
+  double settle_s = 0;  // from the opening of the port to the first sample
 };
 
 // The request to the job scheduler; an empty text, and 0, leave it to the scheduler.

@@ -182,6 +182,7 @@ CampaignTest read_test(TableReader table) {
   test.command = table.text("command", "");
   if (is_text(table, "command") && test.command.empty()) table.fault("command", "give a command");
   test.time_limit_s = table.real("time_limit_s", test.time_limit_s, 1e-3, 1e7);
+  test.settle_s = table.real("settle_s", test.settle_s, 0, 3600);
   table.finish();
   return test;
 }

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <chrono>
 #include <fstream>
+#include <optional>
 #include <thread>
 
 #include "transports/port.hpp"
@@ -24,6 +25,7 @@ const Transport& terminal() {
 
 TestedCase::TestedCase(const Campaign& campaign, const CampaignCase& one, Config& config, bool is_shown)
     : limit_s_(campaign.test->time_limit_s),
+      settles_(campaign.test->settle_s),
       command_(
           {.folder = std::filesystem::path(campaign.file).parent_path(), .limit_s = limit_s_, .is_shown = is_shown}) {
   const auto imu =
@@ -44,10 +46,12 @@ TestedCase::TestedCase(const Campaign& campaign, const CampaignCase& one, Config
 void TestedCase::begin(Engine& engine, const std::atomic<bool>& stop) {
   command_.start(text_);
   Port& port = *engine.channels()[imu_]->lines.all().front().port;
+  std::optional<std::chrono::steady_clock::time_point> opened;
   while (!stop && !command_.has_ended()) {  // it is killed at its time limit
     port.flush();
-    has_opened_ = port.state() != PortState::no_reader;
-    if (has_opened_) return;
+    if (port.state() != PortState::no_reader && !opened) opened = std::chrono::steady_clock::now();
+    has_opened_ = opened.has_value();
+    if (opened && std::chrono::steady_clock::now() - *opened >= settles_) return;
     std::this_thread::sleep_for(std::chrono::milliseconds(1));
   }
 }

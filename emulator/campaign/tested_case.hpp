@@ -2,6 +2,7 @@
 #pragma once
 
 #include <atomic>
+#include <chrono>
 #include <cstddef>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -27,8 +28,8 @@ class TestedCase {
 
   // The number of the imu, whose line is opened, and whose first copy has its bytes.
   std::size_t imu() const noexcept { return imu_; }
-  // Starts the command. Returns when it has opened the port or has ended, after its time limit, or when `stop` is
-  // set.
+  // Starts the command. Returns when it has opened the port and settled, or has ended, after its time limit, or when
+  // `stop` is set.
   void begin(Engine& engine, const std::atomic<bool>& stop);
   // Waits until the command ends; if a signal sets `stop`, it is killed. Adds what is wrong with it to `shortfalls`.
   // Returns the `test` of the row.
@@ -36,6 +37,7 @@ class TestedCase {
 
  private:
   const double limit_s_;
+  const std::chrono::duration<double> settles_;
   TestCommand command_;
   std::string text_;  // of the command
   std::size_t imu_ = 0;

@@ -40,6 +40,7 @@ method = "latin_hypercube"
 [test]
 command = "./estimator {port}"
 time_limit_s = 3
+settle_s = 2
 [slurm]
 partition = "debug"
 account = "lab"
@@ -75,6 +76,7 @@ options = ["--nice"]
   EXPECT_EQ(campaign.cases(), 3U * 2 * 2 * 5 * 4 * 2 * 2 * 10 * 10);
   EXPECT_EQ(campaign.test->command, "./estimator {port}");
   EXPECT_EQ(campaign.test->time_limit_s, 3);
+  EXPECT_EQ(campaign.test->settle_s, 2);
   EXPECT_EQ(campaign.slurm.partition, "debug");
   EXPECT_EQ(campaign.slurm.account, "lab");
   EXPECT_EQ(campaign.slurm.time_limit, "1:00:00");

@@ -94,6 +94,28 @@ TEST_F(TestedCases, ACommandThatNeverReadsDoesNotHoldTheCase) {
   }
 }
 
+// A driver that discards its input after it has opened the port: when it has some, or 0.2 s later.
+TEST_F(TestedCases, ADriverThatSettlesLosesNothing) {
+  for (const bool settles : {false, true}) {
+    const std::string plan = write("plan.toml", head + fmt::format(R"(seeds = 1
+[test]
+settle_s = {}
+command = """exec 3< {{port}}
+python3 -c 'import select, termios; select.select([3], [], [], {}); termios.tcflush(3, termios.TCIFLUSH)'
+cat <&3 > bytes; true"""  # cat may see EIO at the end
+)",
+                                                                   settles ? 5 : 0, settles ? 0.2 : 60));
+    const std::string into = path(settles ? "settled" : "hasty");
+    const ProgramResult done = run_program("imud", {"campaign", "run", plan, "--into", into});
+    EXPECT_EQ(done.exit_code, 0) << done.errors;
+    const std::vector<Json> all = rows(settles ? "settled" : "hasty");
+    ASSERT_EQ(all.size(), 1U);
+    Sha256Stream digest;
+    digest.add(read_file(path("bytes")));
+    EXPECT_EQ(all[0]["digest"]["imu1"] == digest.end(), settles);
+  }
+}
+
 // Returns the processes that have the variable KEPT=`mark` in their environment.
 std::vector<std::string> processes_with(const std::string& mark) {
   std::vector<std::string> all;
