@@ -1,15 +1,20 @@
-"""The loop of tools/closed_loop with its own vehicle, in lockstep: the attitude converges, twice in the same way; and
-the flight computer's estimate in a captured flight of JSBSim. usage: closed_loop_test.py IMUD SOURCE_DIR"""
+"""The loop of tools/closed_loop with its own vehicle, in lockstep: the attitude converges, twice in the same way; the
+flight computer's estimate in a captured flight of JSBSim; and cases of a campaign on it. usage: closed_loop_test.py IMUD
+SOURCE_DIR"""
 import csv
+import json
 import math
 import pathlib
+import re
 import shutil
 import subprocess
 import sys
 import tempfile
+import tomllib
 
 imud, source = sys.argv[1], pathlib.Path(sys.argv[2])
 loop = source / "tools/closed_loop"
+capture = source / "tests/captures/jsbsim_c172_10s.pcap"
 sys.path.insert(0, str(loop))
 from flight_computer import Attitude, Stim300  # noqa: E402
 from rotation import angle_between, euler, from_euler  # noqa: E402
@@ -64,21 +69,23 @@ def check_loop(truth, estimate):
     expect("rate at the end, deg/s", math.hypot(*(last[0][f"omega_{axis}"] for axis in "xyz")) / DEGREE, 0.5)
 
 
+def flown_attitudes():
+    """Roll, pitch and yaw (rad) in the capture, by the time since its first row, ms."""
+    texts = [line.split(",") for line in capture_lines(capture)]
+    columns = {name.strip(): i for i, name in enumerate(texts[0][1:])}  # the row of labels begins with <LABELS>
+    rows_of_numbers = [[float(row[columns[name]]) for name in ("Time", "phi-rad", "theta-rad", "psi-rad")]
+                       for row in texts[1:]]
+    return {round(1e3 * (row[0] - rows_of_numbers[0][0])): row[1:] for row in rows_of_numbers}
+
+
 def check_capture(folder):
     """Ten seconds of JSBSim by imud's file, no loop: the estimate follows the aircraft's attitude."""
-    capture = source / "tests/captures/jsbsim_c172_10s.pcap"
     settings = ("truth.port=udp:127.0.0.1:5140", "truth.format=jsbsim", f"imu.0.port=file:{folder / 'bytes'}")
     command = [imud, "replay", loop / "imud.toml", capture, "--fast", *(x for s in settings for x in ("--set", s))]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode != 0:
         sys.exit(done.stderr)
-    texts = [line.split(",") for line in capture_lines(capture)]
-    columns = {name.strip(): i for i, name in enumerate(texts[0][1:])}  # the row of labels begins with <LABELS>
-    flown = {}
-    for row in texts[1:]:
-        numbers = [float(row[columns[name]]) for name in ("Time", "phi-rad", "theta-rad", "psi-rad")]
-        flown.setdefault("start", numbers[0])
-        flown[round(1e3 * (numbers[0] - flown["start"]))] = numbers[1:]
+    flown = flown_attitudes()
     estimate = Attitude(flown[0])
     sensor, worst, compared = Stim300(), 0.0, 0
     for seconds, rate, force in sensor.feed((folder / "bytes").read_bytes()):
@@ -91,6 +98,31 @@ def check_capture(folder):
     expect("bytes of no datagram", sensor.skipped, 1)
     # The Earth turns by 0.04 deg in 10 s, and 50 m/s around it by 0.005 deg more; the rest is noise.
     expect("roll and pitch in the capture, deg", worst, 0.15)
+
+
+def check_campaign(folder):
+    """Cases of estimator.toml: the attitudes in it are the capture's, no sample is lost, and noise alone is an error."""
+    plan = tomllib.loads((loop / "estimator.toml").read_text())
+    given = {name: [float(x) for x in re.search(rf"--{name}-deg (\S+ \S+ \S+)", plan["test"]["command"])[1].split()]
+             for name in ("start", "end")}
+    flown = flown_attitudes()
+    for name, at in (("start", 0), ("end", 10000)):
+        expect(f"{name} in the plan less that of the capture, deg",
+               max(abs(a - b / DEGREE) for a, b in zip(given[name], flown[at])), 1e-5)
+    noises = plan["axes"]["imu.0.gyro.angle_random_walk_deg_per_rt_hr"]
+    for i in range(len(noises)):
+        command = [imud, "campaign", "run", loop / "estimator.toml", "--into", folder, "--case", f"{50 * i}..{50 * i + 2}"]
+        done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=300)
+        if done.returncode != 0:
+            sys.exit(done.stdout + done.stderr)
+    cases = [json.loads(line) for shard in sorted(folder.glob("**/*.jsonl")) for line in shard.read_text().splitlines()]
+    metrics = [case["test"]["metrics"] for case in cases if "test" in case]
+    expect("cases that are missing", abs(3 * len(noises) - len(metrics)), 1)
+    expect("samples that an estimator has not had", sum(abs(2501 - one["samples"]) for one in metrics), 1)
+    # Of given seeds: no chance is in it. The noise turns each axis by sqrt(2) N sqrt(t), see the README.md.
+    mean = [sum(one["error_deg"] for one in metrics[3 * i:3 * i + 3]) / 3 for i in range(len(noises))]
+    expect("error with the least noise, deg", mean[0], 0.2)
+    expect("expected error with the most noise, less the mean of three, deg", abs(1.9 - mean[-1]), 1.3)
 
 
 def check_relative(folder):
@@ -122,6 +154,7 @@ try:
     check_loop(truth, estimate)
     expect("a second run that differs", (truth[:501], estimate[:501]) != fly(folder / "2", 2), 1)
     check_capture(folder)
+    check_campaign(folder / "campaign")
     check_relative(folder / "3")
 finally:
     shutil.rmtree(folder)

@@ -3,9 +3,11 @@
 
 It reads Normal Mode datagrams with rate and acceleration (Datasheet TS1524 rev. 31, Table 5-20) from a serial line or
 a pseudo-terminal, integrates the rate to an attitude whose tilt the acceleration corrects, and commands the vehicle:
-the one of vehicle.py by torques over UDP, or an aircraft of JSBSim by aileron and elevator over TCP. See README.md.
+the one of vehicle.py by torques over UDP, or an aircraft of JSBSim by aileron and elevator over TCP. With --end-deg it
+commands nothing, and states how far its estimate is from the true attitude at the end. See README.md.
 """
 import argparse
+import json
 import math
 import os
 import select
@@ -13,10 +15,11 @@ import signal
 import socket
 import struct
 import sys
+import termios
 import time
 import tty
 
-from rotation import cross, euler, from_euler, from_rotation_vector, inverse, normalised, product, rotate
+from rotation import angle_between, cross, euler, from_euler, from_rotation_vector, inverse, normalised, product, rotate
 
 GRAVITY = 9.80665  # m/s^2
 DEGREE = math.pi / 180
@@ -166,6 +169,21 @@ class Jsbsim:
         return from_euler(wanted_roll, wanted_pitch, yaw), commands
 
 
+class Passenger:
+    """Commands nothing: the vehicle's motion is a captured one."""
+
+    def command(self, number, seconds, rate, q_NB):
+        """Returns the attitude that it has, and no command."""
+        return q_NB, (0, 0, 0)
+
+
+def errors_deg(estimate, truth):
+    """Returns an attitude's errors as the metrics of a campaign's case: the whole angle, and by roll, pitch and yaw."""
+    parts = [math.remainder(e - t, 2 * math.pi) / DEGREE for e, t in zip(euler(estimate), euler(truth))]
+    return {"error_deg": angle_between(estimate, truth) / DEGREE,
+            **{f"{name}_error_deg": part for name, part in zip(("roll", "pitch", "yaw"), parts)}}
+
+
 def when_it_exists(opener):
     """Opens something that another program makes; waits up to 30 s for it."""
     until = time.monotonic() + 30
@@ -192,15 +210,23 @@ def main():
     parser.add_argument("--lockstep", action="store_true", help="JSBSim waits for each command")
     parser.add_argument("--start-deg", type=float, nargs=3, metavar=("ROLL", "PITCH", "YAW"),
                         help="attitude at the start, of a vehicle that is not at rest")
+    parser.add_argument("--end-deg", type=float, nargs=3, metavar=("ROLL", "PITCH", "YAW"),
+                        help="true attitude at the last sample; there is no vehicle to command then")
+    parser.add_argument("--metrics", help="writes the error at the end as JSON")
     parser.add_argument("--csv", help="writes measurement, estimate and commands of each sample")
     options = parser.parse_args()
+    if bool(options.metrics) != bool(options.end_deg):
+        parser.error("--end-deg and --metrics belong together")
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
     line = when_it_exists(lambda: os.open(options.port, os.O_RDWR | os.O_NOCTTY))
-    tty.setraw(line)
+    tty.setraw(line, termios.TCSANOW)  # keeps what has come since it was opened
     log = open(options.csv or os.devnull, "w", encoding="ascii")
     log.write("time_s,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z,roll,pitch,yaw,wanted_roll,wanted_pitch,wanted_yaw,"
               "command_1,command_2,command_3\n")
-    vehicle = Jsbsim(options.jsbsim, options.lockstep) if options.jsbsim else TestBed(options.vehicle)
+    if options.end_deg:
+        vehicle = Passenger()
+    else:
+        vehicle = Jsbsim(options.jsbsim, options.lockstep) if options.jsbsim else TestBed(options.vehicle)
     sensor, attitude = Stim300(), Attitude(options.start_deg and [x * DEGREE for x in options.start_deg])
     number = 0
     try:
@@ -217,6 +243,11 @@ def main():
         signal.signal(signal.SIGINT, signal.SIG_IGN)
         log.close()
         print(f"flight computer: {number} samples, {sensor.skipped} bytes of no datagram", file=sys.stderr)
+    if options.metrics and number:
+        with open(options.metrics, "w", encoding="ascii") as metrics:
+            json.dump({"samples": number, "skipped_bytes": sensor.skipped,
+                       **errors_deg(attitude.q_NB, from_euler(*(x * DEGREE for x in options.end_deg)))}, metrics)
+            metrics.write("\n")
     return 0 if number else 1
 
 
