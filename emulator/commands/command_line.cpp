@@ -279,8 +279,10 @@ int execute(int argc, const char* const* argv) {
   const std::vector<std::string> given = command_words(argc, argv);
   CampaignCommands campaign_commands(app, !given.empty() && given.front() == "campaign");
 
-  app.add_subcommand("help", "Show this text, that of a command, or what is known of a key or a word")
-      ->add_option("TOPIC");
+  app.add_subcommand("help", "Show the help of imud, that of a command, or what is known of a key or a word")
+      ->add_option("TOPIC",
+                   "A command, a key of the configuration, a name that `imud list` shows, or any word; "
+                   "without it the help of imud is shown");
   app.footer(
       "Example: imud check imu.toml && imud run imu.toml --for 10\n"
       "Every key: imud.toml(5), or emulator/CONFIGURATION.md in the source and, installed, in share/imud");

@@ -32,13 +32,12 @@ def below(words):
     yield words
     for listed in re.findall(r"^Subcommands:\n(.*?)(?:\n\n|\Z)", help_of(*words), re.MULTILINE | re.DOTALL):
         for name in re.findall(r"^  (\w+)", listed, re.MULTILINE):
-            if name != "help":
-                yield from below([*words, name])
+            yield from below([*words, name])
 
 
 @functools.cache
 def help_of(*words):
-    return output(*words, "--help")
+    return output(*words, "help" if words[-1] == "help" else "--help")  # `imud help --help` shows the help of imud
 
 
 def options(words):

@@ -84,7 +84,7 @@ class Completion:
         given = {"--scenario": [SCENARIOS, FILES], "--name": [RUNS], "--deviation": ["deviations"], "--format": ["formats"],
                  "PROTOCOL": ["protocols"] + ([] if words == "imu-decode" else ["arrays"]), "PORT": ["ports", FILES],
                  "PRODUCT": ["products"], "--from": ["simulators", FILES], "--port": ["ports"],
-                 "METHOD": ["methods"], "PARAMETER": ["keys"], "MOTION": ["motions"], "ACTION": ["campaign_actions"]}.get(name)
+                 "METHOD": ["methods"], "TOPIC": ["commands", "topics"], "PARAMETER": ["keys"], "MOTION": ["motions"], "ACTION": ["campaign_actions"]}.get(name)
         if given:
             return given
         if name == "NAME" and words in ("imud status", "imud top"):
@@ -156,7 +156,6 @@ class Completion:
                 described = " ".join(quoted(f"{entry.names[0]}:{entry.text}") for entry in command.commands)
                 out.append(f"_imud_described() {{ local -a commands=({described}); _describe command commands }}")
                 specs += ["(-)1:command:_imud_described", "(-)*::argument:->argument"]
-                out.append("_imud_help() { _imud_described; _imud_topics }")
             if command in self.groups:
                 specs += [f"(-)1:command:_imud_{command.words[-1]}_commands", "(-)*::argument:->argument"]
             out.append(f"_{command.name.replace('-', '_')}_specs() {{ specs=({' '.join(quoted(spec) for spec in specs)}) }}")
@@ -192,7 +191,6 @@ class Completion:
             if words == "imud":
                 for entry in command.commands:
                     out.append(f"{begin} -f -a {quoted(entry.names[0])} -d {quoted(entry.text)}")
-                out.append(f"complete -c imud -n '__fish_seen_subcommand_from help' -f -a '{' '.join(self.sets['commands'] + self.sets['topics'])}'")
             for option in command.options:
                 names = " ".join(f"-l {name[2:]}" if name.startswith("--") else f"-s {name[1:]}" for name in option.names)
                 spec = f"{begin} {names} -d {quoted(option.text)}"
@@ -253,8 +251,7 @@ _imud() {
     positionals=(commands)
   fi
   case $program in"""
-BASH_END = """    'imud help') positionals=('commands topics') ;;
-  esac
+BASH_END = """  esac
   if [[ $program == imud ]]; then positionals=(commands); fi
   if [[ $kinds ]]; then _imud_values "$kinds" "$word"; return; fi
   if [[ $word == -* ]]; then mapfile -t COMPREPLY < <(compgen -W "$options" -- "$word"); return; fi
@@ -282,9 +279,7 @@ _imud_dispatch() {
   _${service//-/_}_specs
   _arguments -C "${specs[@]}"
   if [[ $state != argument ]]; then return; fi
-  if [[ $words[1] == help ]]; then
-    _arguments '1:topic:_imud_help'
-  elif (($+functions[_imud_${words[1]}_specs])); then
+  if (($+functions[_imud_${words[1]}_specs])); then
     local group=$words[1]
     state=''
     _imud_${group}_specs

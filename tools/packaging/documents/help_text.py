@@ -130,11 +130,11 @@ class Programs:
 
     def add(self, words):
         """Adds a command, and the commands below it, such as those of `imud campaign`."""
-        command = parse(words, self.output([*words, "--help"]))
+        # `imud help --help` shows the help of imud.
+        command = parse(words, self.output([*words, "help" if words[-1] == "help" else "--help"]))
         self.commands[" ".join(words)] = command
         for entry in command.commands:
-            if entry.names[0] != "help":
-                self.add([*words, entry.names[0]]).summary = entry.text
+            self.add([*words, entry.names[0]]).summary = entry.text
         return command
 
     def of_kind(self, kind):
