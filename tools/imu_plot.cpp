@@ -2,7 +2,6 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
-#include <chrono>
 #include <cmath>
 #include <cstdint>
 #include <cstdio>
@@ -12,6 +11,7 @@
 #include <vector>
 
 #include "core/units.hpp"
+#include "emulator/ground/progress_line.hpp"
 #include "tools/gnuplot.hpp"
 #include "tools/number_check.hpp"
 #include "tools/plot/emulated_run.hpp"
@@ -50,23 +50,6 @@ void print_table(const RunErrors& run) {
                100 * static_cast<double>(within) / static_cast<double>(run.samples()));
   }
 }
-
-// Reports on standard error which run is awaited: at the first, and later at most every 5 s.
-class Progress {
- public:
-  explicit Progress(std::uint64_t runs) : runs_(runs) {}
-  void begin(std::string_view what) {
-    if (const auto now = std::chrono::steady_clock::now(); run_++ == 0 || now - reported_ > std::chrono::seconds{5}) {
-      fmt::print(stderr, "imu-plot: run {} of {}: {}\n", run_, runs_, what);
-      reported_ = now;
-    }
-  }
-  static void end(std::string_view what) { fmt::print(stderr, "imu-plot: {}\n", what); }
-
- private:
-  std::uint64_t runs_, run_ = 0;
-  std::chrono::steady_clock::time_point reported_;
-};
 
 // Draws the solution of the unit's own filter in the run with the configured seed, and prints the sizes of its
 // errors.
@@ -109,16 +92,16 @@ void plot(const Options& options, bool& running) {
   check_data_path(spectrum_path, "frequency_hz,");
   EmulatedRun run(options.run);
   running = true;
-  Progress progress(options.seeds + 2);
-  progress.begin("the truth");
+  ProgressLine progress;
+  const std::uint64_t runs = options.seeds + 2;
   const StillRecording truth = run.truth();
-  progress.begin("the run");
+  progress.show(1, runs, "runs");
   const StillRecording measured = run.sent(run.seed());
   const RunErrors errors = compare_runs(measured, truth, options.seeds, [&](std::uint64_t i) {
-    progress.begin("the runs with other seeds");
+    progress.show(2 + i, runs, "runs");
     return run.sent(run.seed() + 1 + i);
   });
-  progress.end("the picture");
+  progress.clear();
   write_file(samples_path, samples_csv(errors));
   write_file(spectrum_path, spectrum_csv(errors));
   run_gnuplot(run_plot_commands(errors, samples_path, spectrum_path, options.picture));

@@ -12,6 +12,7 @@
 #include <string_view>
 #include <vector>
 
+#include "emulator/ground/progress_line.hpp"
 #include "tools/duration_text.hpp"
 #include "tools/number_check.hpp"
 #include "tools/program.hpp"
@@ -152,12 +153,15 @@ int write_csv(const Options& options, bool& running) {
   csv.write(truth_csv_header());
   MotionTruths truths(options.motion);
   std::uint64_t rows = 0;
+  ProgressLine progress(!csv.is_terminal());
   while (!stop_requested() && csv.is_open()) {
     const auto truth = truths.next();
     if (!truth) break;
     csv.write(truth_csv_row(*truth));
     ++rows;
+    if (progress.is_due()) progress.show(seconds(truths.offset()) / *options.motion.for_s, "the motion");
   }
+  progress.clear();
   finish_csv(csv, options, rows);
   return 0;
 }
@@ -178,6 +182,7 @@ int write_capture_csv(const CLI::App& app, const Options& options, bool& running
   running = true;
   std::optional<Truth> first;
   std::uint64_t rows = 0, without = 0;
+  ProgressLine progress(!csv.is_terminal());
   while (csv.is_open()) {
     const auto truth = truths.next();
     if (!truth) break;
@@ -194,7 +199,9 @@ int write_capture_csv(const CLI::App& app, const Options& options, bool& running
     }
     csv.write(truth_csv_row(*truth, parts_of(*first)));
     ++rows;
+    if (progress.is_due()) progress.show(truths.progress(), options.capture);
   }
+  progress.clear();
   finish_csv(csv, options, rows);
   if (first && first->accumulated_dv == AccumulatedDv::body_sum)
     print_line("note", "replay it with truth.accumulated_dv = \"body_sum\"");

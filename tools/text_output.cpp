@@ -3,6 +3,7 @@
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <poll.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <cerrno>
@@ -30,6 +31,8 @@ void TextOutput::write(std::string_view text) {
   held_ += text;
   if (held_.size() >= hold_at_most) flush();
 }
+
+bool TextOutput::is_terminal() const noexcept { return ::isatty(file_.get()) == 1; }
 
 bool TextOutput::is_writable() const noexcept {
   pollfd out{file_.get(), POLLOUT, 0};

@@ -18,6 +18,8 @@ class TextOutput {
   // Writes the buffer out. Waits for a slow reader; after stop_requested() for a second at most.
   void flush();
 
+  // Returns true if people read it as it is written.
+  bool is_terminal() const noexcept;
   // Returns false after the reader has closed its end, or a write has failed: nothing more is written.
   bool is_open() const noexcept { return error_ == 0; }
   // Returns the errno that ended the output: EPIPE if the reader has closed its end, 0 while the output is open.

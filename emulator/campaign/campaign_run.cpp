@@ -24,6 +24,7 @@
 #include "emulator/campaign/cases/case_figures.hpp"
 #include "emulator/campaign/missing_cases.hpp"
 #include "emulator/config/config_text.hpp"
+#include "emulator/ground/progress_line.hpp"
 #include "emulator/ground/text_file.hpp"
 #include "emulator/seeds/seed_results.hpp"
 #include "emulator/seeds/worker_processes.hpp"
@@ -214,7 +215,7 @@ int run_missing(const ResultFolder& folder, const Campaign& campaign, CaseRunner
   if (missing.items() < all.size())
     spdlog::info("{} of {} cases are done already", all.size() - missing.items(), all.size());
   ShardsAtWork shards(folder, missing);
-  SeedProgress progress(missing.items(), options.quiet);
+  ProgressLine progress(!options.quiet);
   const unsigned jobs = options.jobs > 0 ? options.jobs : std::max(1U, std::thread::hardware_concurrency());
   int exit_code = missing.kept().exit_code;
   std::uint64_t failed = 0, incomplete = missing.kept().incomplete;
@@ -249,7 +250,7 @@ int run_missing(const ResultFolder& folder, const Campaign& campaign, CaseRunner
                                            else if (text != was_stopped && !shards.has(item))
                                              take(item, std::move(text));
                                          },
-                                     .tick = [&] { progress.show(shards.done()); },
+                                     .tick = [&] { progress.show(shards.done(), missing.items(), "cases"); },
                                      .lose =
                                          [&](std::size_t item, const std::string& cause) {
                                            if (!shards.has(item))

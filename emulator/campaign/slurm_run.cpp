@@ -240,7 +240,6 @@ void SlurmRun::show_progress(const std::vector<QueuedTask>& tasks) {
       fmt::format("{} cases ({} tasks run, {} wait)", cases_, queued_ - static_cast<std::size_t>(waiting), waiting));
   const auto held = std::ranges::find_if(tasks, &QueuedTask::is_held);
   if (held != tasks.end() && !std::exchange(is_held_, true)) {
-    progress_.clear();
     spdlog::warn("task {}_{} is held ({}): scontrol release {}_{}", held->job, held->index, held->reason, held->job,
                  held->index);
   }

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <filesystem>
 #include <string>
@@ -16,6 +17,7 @@
 #include "emulator/drive/realtime_thread.hpp"
 #include "emulator/ground/host.hpp"
 #include "emulator/ground/machine.hpp"
+#include "emulator/ground/progress_line.hpp"
 #include "transports/port.hpp"
 
 namespace imud {
@@ -143,22 +145,34 @@ int selftest_timing(const Config& config, const SelftestOptions& options) {
   fmt::print("the machine\n");
   for (const std::string& fact : machine.facts) fmt::print("  {}\n", fact);
 
+  constexpr std::size_t many = 16;
+  constexpr std::array<std::size_t, 2> racks = {1, many};
+  const std::size_t all = (config.realtime.priority > 0 ? 3 : 2) + config.imus.size() + racks.size();
+  ProgressLine progress;
+  std::size_t done = 0;
+  const auto measure = [&](auto&& work) {
+    progress.show(done++, all, "measurements");
+    auto figures = work();
+    progress.clear();
+    return figures;
+  };
   const auto nothing = [](Host&) {};
   RealtimeConfig kind = config.realtime;
   fmt::print("lateness of a bare loop, {} Hz, {} s each, us\n", rate_hz, options.measure_s);
   std::vector<std::string> advice;
   kind.priority = 0;
   kind.spin = {};
-  DurationHistogram plain = loop(kind, rate_hz, options.measure_s, advice, nothing);
+  const auto wake = [&] { return loop(kind, rate_hz, options.measure_s, advice, nothing); };
+  DurationHistogram plain = measure(wake);
   print_row("ordinary thread", plain);
   kind.priority = config.realtime.priority;
   const std::string as = kind.priority > 0 ? fmt::format("priority {}", kind.priority) : "ordinary thread";
   if (kind.priority > 0) {
-    plain = loop(kind, rate_hz, options.measure_s, advice, nothing);
+    plain = measure(wake);
     print_row(as + (advice.empty() ? "" : " (if permitted: see below)"), plain);
   }
   kind.spin = config.realtime.spin.count() > 0 ? config.realtime.spin : Nanoseconds(std::chrono::microseconds(100));
-  const DurationHistogram spun = loop(kind, rate_hz, options.measure_s, advice, nothing);
+  const DurationHistogram spun = measure(wake);
   print_row(fmt::format("{}, spin_us = {:g}", as, us * seconds(kind.spin)), spun);
   advice.insert(advice.end(), machine.advice.begin(), machine.advice.end());
 
@@ -166,7 +180,8 @@ int selftest_timing(const Config& config, const SelftestOptions& options) {
   double all_p50 = 0, all_p999 = 0;  // sums over all imus, which may write at the same instant
   for (const ImuConfig& imu : config.imus) {
     PortCounters counters;
-    const DurationHistogram took = measure_writes(config.realtime, imu, options.measure_s, counters);
+    const DurationHistogram took =
+        measure([&] { return measure_writes(config.realtime, imu, options.measure_s, counters); });
     print_row(fmt::format("{} to {}", imu.name, imu.port), took);
     if (counters.dropped > 0)
       advice.push_back(
@@ -176,12 +191,12 @@ int selftest_timing(const Config& config, const SelftestOptions& options) {
     all_p999 += took.percentile(99.9);
   }
 
-  constexpr std::size_t many = 16;
   fmt::print("lateness of many sensors at {} Hz on one thread, apart, each on a pty that is read, us\n", rate_hz);
   double processor_s = 0;  // for each sample of many
-  for (const std::size_t count : {std::size_t{1}, many}) {
+  for (const std::size_t count : racks) {
     const Bench bench;
-    const RackFigures rack = measure_rack(config.realtime, count, rate_hz, options.measure_s, bench.folder());
+    const RackFigures rack =
+        measure([&] { return measure_rack(config.realtime, count, rate_hz, options.measure_s, bench.folder()); });
     print_row(fmt::format("{} native", count), rack.lateness);
     processor_s = rack.processor_s;
   }

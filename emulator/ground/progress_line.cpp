@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <atomic>
 #include <chrono>
 #include <cstdio>
 #include <cstdlib>
@@ -14,6 +15,7 @@ namespace imud {
 namespace {
 
 bool is_hidden = false;
+std::atomic<bool> is_line_shown = false;
 
 // A terminal that erases the end of a line.
 bool is_terminal() {
@@ -44,17 +46,23 @@ void ProgressLine::show(double done, std::string_view work) {
   if (!is_due()) return;
   const HostTime now = host_now();
   next_ = now + interval;
-  clear();
-  fmt::print(stderr, "{:.0f} % of {}", 100 * done, work);
-  if (done > 0) fmt::print(stderr, ", {} left", time_left(seconds(now - begin_), done));
+  std::string line = fmt::format("{}{:.0f} % of {}", removal(), 100 * done, work);
+  if (done > 0) line += fmt::format(", {} left", time_left(seconds(now - begin_), done));
+  fmt::print(stderr, "{}", line);
   std::fflush(stderr);
-  is_shown_ = true;
+  is_line_shown = true;
+}
+
+void ProgressLine::show(std::uint64_t done, std::uint64_t all, std::string_view things) {
+  if (is_due()) show(static_cast<double>(done) / static_cast<double>(all), fmt::format("{} {}", all, things));
 }
 
 void ProgressLine::clear() noexcept {
-  if (!is_shown_) return;
-  std::fputs("\r\033[K", stderr);
-  is_shown_ = false;
+  if (const std::string_view text = removal(); !text.empty()) fmt::print(stderr, "{}", text);
+}
+
+std::string_view ProgressLine::removal() noexcept {
+  return is_line_shown.exchange(false) ? std::string_view("\r\033[K") : std::string_view();
 }
 
 }  // namespace imud

@@ -1,6 +1,7 @@
 // ProgressLine: shows at a terminal how far long work has come, and the time left.
 #pragma once
 
+#include <cstdint>
 #include <string>
 #include <string_view>
 
@@ -12,7 +13,8 @@ namespace imud {
 std::string time_left(double elapsed_s, double done);
 
 // A line on standard error that is rewritten at most five times a second, and removed at the end. The first one comes
-// half a second after the begin, so that short work shows none. Shows nothing if standard error is no terminal.
+// half a second after the begin, so that short work shows none. Shows nothing if standard error is no terminal. There
+// is one line at a time.
 class ProgressLine {
  public:
   // `is_wanted`: false: shows nothing at a terminal either.
@@ -30,14 +32,17 @@ class ProgressLine {
   bool is_due() const noexcept;
   // Shows `done`, from 0 to 1, if it is due: "42 % of WORK, 90 s left".
   void show(double done, std::string_view work);
-  // Removes the line, so that other lines may follow.
+  // The share by counts: "42 % of 1000 THINGS, 90 s left".
+  void show(std::uint64_t done, std::uint64_t all, std::string_view things);
+  // Removes the line, so that other lines may follow. A line of the log removes it by itself.
   void clear() noexcept;
+  // Returns what removes the line that a terminal shows; empty if it shows none. Threads may call it.
+  static std::string_view removal() noexcept;
 
  private:
   const bool is_active_;
   const HostTime begin_;
   HostTime next_;
-  bool is_shown_ = false;
 };
 
 }  // namespace imud

@@ -9,8 +9,10 @@
 #include <cstdlib>
 #include <iterator>
 #include <memory>
+#include <string_view>
 #include <utility>
 
+#include "emulator/ground/progress_line.hpp"
 #include "emulator/report/journal_sink.hpp"
 
 namespace imud {
@@ -32,6 +34,16 @@ class Priority final : public spdlog::custom_flag_formatter {
   std::unique_ptr<custom_flag_formatter> clone() const override { return std::make_unique<Priority>(); }
 };
 
+// Removes the line of progress, to which a line of the log would be appended otherwise.
+class Removal final : public spdlog::custom_flag_formatter {
+ public:
+  void format(const spdlog::details::log_msg&, const std::tm&, spdlog::memory_buf_t& out) override {
+    const std::string_view text = ProgressLine::removal();
+    out.append(text.begin(), text.end());
+  }
+  std::unique_ptr<custom_flag_formatter> clone() const override { return std::make_unique<Removal>(); }
+};
+
 thread_local LogFields::Values fields;
 
 }  // namespace
@@ -50,7 +62,7 @@ void set_up_log(LogLevel level) {
     sink->set_color_mode(spdlog::color_mode::never);
     chosen = std::make_shared<JournalSink>(sink);
   } else {
-    formatter->set_pattern("%Y-%m-%dT%H:%M:%S.%e%z %^%l%$ %v");
+    formatter->add_flag<Removal>('*').set_pattern("%*%Y-%m-%dT%H:%M:%S.%e%z %^%l%$ %v");
     if (std::getenv("NO_COLOR") != nullptr) sink->set_color_mode(spdlog::color_mode::never);
   }
   auto logger = std::make_shared<spdlog::logger>("imud", std::move(chosen));

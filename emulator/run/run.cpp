@@ -260,14 +260,10 @@ int run(const Config& config, const RunOptions& options) {
     for (RunEvent event; control.events.pop(event);) api.report(event);
     api.report_faults();
   };
-  // A line of the log must not be appended to the line of progress: at a terminal both are updated together.
   ProgressLine progress(config.clock == ClockMode::fast && is_capture(config.truth.port) &&
                         spdlog::should_log(spdlog::level::info));
   Ticker ticker(io, [&] {
-    if (!progress.is_active() || progress.is_due()) {
-      progress.clear();
-      monitor.update();
-    }
+    monitor.update();
     if (const double read = counters.truth->progress; read > 0) progress.show(read, "the capture");
     report_events();
     reloader.update();

@@ -4,10 +4,8 @@
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
-#include <chrono>
 
 #include "emulator/faults/fault_labels.hpp"
-#include "transports/host_clock.hpp"
 
 namespace imud {
 
@@ -95,23 +93,6 @@ std::string SeedResults::labels(bool as_json) const {
   std::string all;
   for (const auto& [of, text] : labels_) all += all.empty() ? text : text.substr(text.find('\n') + 1);
   return all;
-}
-
-SeedProgress::SeedProgress(std::size_t runs, bool quiet)
-    : runs_(runs), quiet_(quiet), begin_(host_now()), logged_(begin_), line_(!quiet) {}
-
-void SeedProgress::show(std::size_t done) {
-  using namespace std::chrono_literals;
-  const double share = static_cast<double>(done) / static_cast<double>(runs_);
-  if (line_.is_active()) {
-    line_.show(share, fmt::format("{} runs", runs_));
-    return;
-  }
-  const HostTime now = host_now();
-  if (quiet_ || now - logged_ < Nanoseconds(5s)) return;
-  logged_ = now;
-  spdlog::info("{} of {} runs{}", done, runs_,
-               done > 0 ? fmt::format(", {} left", time_left(seconds(now - begin_), share)) : "");
 }
 
 }  // namespace imud

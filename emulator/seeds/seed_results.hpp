@@ -1,4 +1,4 @@
-// The results of replays with many seeds: their summaries, and the progress.
+// The results of replays with many seeds: their summaries.
 #pragma once
 
 #include <cstddef>
@@ -10,8 +10,6 @@
 #include <utility>
 #include <vector>
 
-#include "core/time.hpp"
-#include "emulator/ground/progress_line.hpp"
 #include "emulator/plan/fault_config.hpp"
 
 namespace imud {
@@ -56,20 +54,6 @@ class SeedResults {
   bool has_remarks_ = false;              // they are logged
   std::uint64_t samples_ = 0, shortfalls_ = 0;
   int exit_code_ = 0;
-};
-
-// The progress: a line on a terminal, otherwise logged every five seconds.
-class SeedProgress {
- public:
-  SeedProgress(std::size_t runs, bool quiet);
-  void show(std::size_t done);
-
- private:
-  const std::size_t runs_;
-  const bool quiet_;
-  const HostTime begin_;
-  HostTime logged_;
-  ProgressLine line_;
 };
 
 }  // namespace imud

@@ -17,6 +17,7 @@
 #include "emulator/config/scenario.hpp"
 #include "emulator/engine/closing.hpp"
 #include "emulator/faults/fault_labels.hpp"
+#include "emulator/ground/progress_line.hpp"
 #include "emulator/ground/text_file.hpp"
 #include "emulator/seeds/seed_arrays.hpp"
 #include "emulator/seeds/seed_checks.hpp"
@@ -301,7 +302,7 @@ int replay_seeds(const Config& config, const RunOptions& options, const SeedsOpt
   runs.divide(jobs);
   bool is_whole = false;
   SeedResults results(!options.summary_file.empty(), runs.parts(), config.faults);
-  SeedProgress progress(runs.runs(), seeds.quiet);
+  ProgressLine progress(!seeds.quiet);
   std::size_t done = 0;
   try {
     is_whole = run_workers({.jobs = jobs,
@@ -311,7 +312,7 @@ int replay_seeds(const Config& config, const RunOptions& options, const SeedsOpt
                                   done += runs.runs_of(item);
                                   if (results.add(text)) runs.mark(item);
                                 },
-                            .tick = [&] { progress.show(done); }},
+                            .tick = [&] { progress.show(done, runs.runs(), "runs"); }},
                            runs.items());
     is_whole ? runs.commit() : runs.keep();
   } catch (...) {

@@ -6,6 +6,7 @@ import os
 import pathlib
 import pty
 import re
+import signal
 import subprocess
 import sys
 import tempfile
@@ -13,6 +14,7 @@ import time
 import unittest
 
 IMUD = pathlib.Path(sys.argv.pop(1)).resolve()
+SOURCE = pathlib.Path(__file__).resolve().parents[2]
 LINE = re.compile(r"(\d+) % of ([^,\r\x1b]+)(?:, (\d+(?:\.\d)?) (s|min|h) left)?")
 CONFIGURATION = """[truth]
 port = "udp:127.0.0.1:0"
@@ -38,7 +40,7 @@ class ProgressTest(unittest.TestCase):
         once = (cls.folder / "whole.bin").read_bytes()
         (cls.folder / "whole.bin").write_bytes(2 * once)
 
-    def at_terminal(self, words):
+    def at_terminal(self, words, exit_code=0):
         """Runs a program whose standard error is a terminal. Returns the text there, and how long it took."""
         terminal, end = pty.openpty()
         begin = time.monotonic()
@@ -50,7 +52,7 @@ class ProgressTest(unittest.TestCase):
                 text += os.read(terminal, 65536)
             except OSError:
                 break
-        self.assertEqual(running.wait(), 0, text)
+        self.assertEqual(running.wait(), exit_code, text)
         os.close(terminal)
         return text.decode(), time.monotonic() - begin
 
@@ -82,6 +84,46 @@ class ProgressTest(unittest.TestCase):
     def test_seeds(self):
         self.expect_progress("3 runs", "imud", "replay", "imu.toml", "truth.csv", "--seeds", "1..3", "--jobs", "1", "--set",
                              "imu.0.port=file:imu{seed}.bin")
+
+    def test_a_line_of_the_log_is_not_appended_to_one_of_progress(self):
+        text, _ = self.at_terminal(["imud", "replay", "imu.toml", "truth.csv", "--seeds", "1..2", "--jobs", "1", "--require", "samples<1",
+                                    "--set", "imu.0.port=file:log{seed}.bin"], exit_code=3)
+        self.assertRegex(text, LINE)
+        logged = [line for line in re.split(r"\r\x1b\[K|\r\n", text) if "required samples<1" in line]
+        self.assertEqual(len(logged), 2, text)
+        for line in logged:
+            self.assertRegex(line, r"^\d{4}-\d\d-\d\dT")
+
+    def test_seeds_log_nothing_in_a_pipe(self):
+        """However long they take: here 6 s more, for which they are stopped."""
+        running = subprocess.Popen([IMUD, "replay", "imu.toml", "truth.csv", "--seeds", "1..2", "--jobs", "1", "--set",
+                                    "imu.0.port=file:long{seed}.bin"], cwd=self.folder, stdout=subprocess.DEVNULL,
+                                   stderr=subprocess.PIPE, start_new_session=True, text=True)
+        while running.poll() is None and not (self.folder / "long1.bin").exists():
+            time.sleep(0.01)
+        os.killpg(running.pid, signal.SIGSTOP)
+        time.sleep(6)
+        os.killpg(running.pid, signal.SIGCONT)
+        self.assertNotRegex(running.communicate()[1], r" of \d+ runs| left|%")
+        self.assertEqual(running.returncode, 0)
+
+    def test_a_campaign(self):
+        (self.folder / "plan.toml").write_text('base = "imu.toml"\ncapture = "truth.csv"\nseeds = "1..2"\n')
+        words = ["campaign", "run", "plan.toml", "--jobs", "1", "--into"]
+        self.assertRegex(self.at_terminal(["imud", *words, "terminal"])[0], r"\d+ % of 2 cases, \d+ s left\r\x1b\[K")
+        piped = subprocess.run([IMUD, *words, "pipe"], cwd=self.folder, capture_output=True, text=True, check=True)
+        self.assertNotRegex(piped.stderr, r"\r|\x1b|%| left")
+
+    def test_the_measurements_of_the_machine(self):
+        self.expect_progress(r"\d measurements", "imud", "selftest", "--for", "0.4")
+
+    def test_a_plot(self):
+        capture = SOURCE / "tests/captures/jsbsim_c172_10s.pcap"
+        self.expect_progress("202 runs", "imu-plot", SOURCE / "tools/demo.toml", f"{capture}?port=5140", "--seeds", "200", "--plot", "run.svg")
+
+    def test_truth_as_csv(self):
+        self.expect_progress("the motion", "imu-truth", "rest", "--rate", "10", "--for", "100000", "--csv", "long.csv")
+        self.expect_progress("long.csv", "imu-truth", "capture", "long.csv", "--format", "csv", "--csv", "copy.csv")
 
     def test_a_decoder(self):
         self.expect_progress("file:whole.bin", "imu-decode", "stim300", "file:whole.bin", "--quiet")

@@ -129,6 +129,8 @@ bool CapturedTruths::feed_next() {
   return false;
 }
 
+double CapturedTruths::progress() const noexcept { return log_ ? log_->progress() : port_->progress().value_or(0); }
+
 std::string CapturedTruths::refused() const {
   std::string text;
   const auto add = [&](std::uint64_t count, std::string_view cause) {

@@ -35,6 +35,8 @@ class CapturedTruths {
   // stop_requested().
   std::optional<Truth> next();
 
+  // Returns how much of the capture has been read, from 0 to 1; 0 if it is not known.
+  double progress() const noexcept;
   // Returns what was refused, by cause, such as "3 crc, 1 short"; empty if nothing was.
   std::string refused() const;
   std::uint64_t of_other_vehicles() const { return of_other_vehicles_; }

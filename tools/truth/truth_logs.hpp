@@ -53,6 +53,8 @@ class LoggedTruths {
   // Returns ok, or why the next state was refused; nullopt at the end.
   std::optional<TruthResult> next(Truth& truth);
   const LoggedStates& log() const noexcept { return log_; }
+  // Returns how many of the states are made, from 0 to 1.
+  double progress() const noexcept { return static_cast<double>(next_) / static_cast<double>(log_.states.size()); }
 
  private:
   LoggedStates log_;
