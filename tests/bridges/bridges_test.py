@@ -5,6 +5,7 @@ import importlib.util
 import json
 import math
 import pathlib
+import re
 import shutil
 import socket
 import subprocess
@@ -42,14 +43,11 @@ def sensed(send, rows=None, truth=""):
 
     Waits for `rows` rows, if `send` ends without waiting for imud. `truth`: further lines of the configuration.
     """
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
     out = folder / "out.csv"
     out.unlink(missing_ok=True)
     config = folder / "imu.toml"
     config.write_text(f"""clock = "lockstep"
-truth.port = "udp:127.0.0.1:{port}"
+truth.port = "udp:127.0.0.1:0"
 {truth}
 [[imu]]
 rate_hz = 100
@@ -59,16 +57,21 @@ gyro.max_rad_per_s = 10
 accelerometer.max_m_per_s2 = 100
 """)
     program = subprocess.Popen([imud, "run", config], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
-    until = time.monotonic() + 30
+    log = ""
     try:
-        while not out.exists() and time.monotonic() < until:
-            time.sleep(0.01)  # the imu's port is opened after that of the truth
-        send(port)
-        while rows and out.exists() and len(out.read_text().splitlines()) <= rows and time.monotonic() < until:
+        for line in program.stderr:
+            log += line
+            if ready := re.search(r" ready, .*truth\.port is udp:127\.0\.0\.1:(\d+)", line):
+                break
+        else:
+            sys.exit(log)
+        send(int(ready.group(1)))
+        until = time.monotonic() + 120
+        while rows and len(out.read_text().splitlines()) <= rows and time.monotonic() < until:
             time.sleep(0.01)
     finally:
         program.terminate()
-        log = program.communicate(timeout=30)[1]
+        log += program.communicate(timeout=120)[1]
     if program.returncode != 0:
         sys.exit(log)
     with open(out, encoding="ascii") as text:

@@ -79,7 +79,7 @@ class Zsh:
         os.write(terminal, text.encode())
         got = ""
         while not got.removesuffix("\x1b[?2004h").endswith(end):  # which turns bracketed paste on
-            if not select.select([terminal], [], [], 10)[0]:
+            if not select.select([terminal], [], [], 120)[0]:
                 raise AssertionError(f"zsh has not answered: {got[-300:]!r}")
             got += os.read(terminal, 65536).decode(errors="replace")
         return got

@@ -6,7 +6,6 @@ import hashlib
 import math
 import os
 import pathlib
-import socket
 import struct
 import subprocess
 import sys
@@ -18,7 +17,7 @@ HERE = pathlib.Path(__file__).parent
 ROOT = HERE.parents[1]
 sys.path[:0] = [str(ROOT / "tools"), str(HERE.parent / "recipes")]
 from lockstep_client import LockstepClient, Truth  # noqa: E402
-from recipes_test import mip_fields, mip_packets, vectornav_packets  # noqa: E402
+from recipes_test import Fault, mip_fields, mip_packets, port_of_truth, vectornav_packets  # noqa: E402
 
 PATIENCE = 60.0  # s, for any answer
 OUTAGE, BIAS = (70.0, 100.0), (120.0, 128.0)  # s, as in faults.toml
@@ -112,10 +111,7 @@ class Line:
 
 def fly(imud, name):
     """Returns the rows of truth, and what the unit sent."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
-    changes = ["clock=lockstep", f"truth.port=udp:127.0.0.1:{port}", f"imu.0.model={SENSORS[name]}", "imu.0.barometer.noise_pa=2",
+    changes = ["clock=lockstep", "truth.port=udp:127.0.0.1:0", f"imu.0.model={SENSORS[name]}", "imu.0.barometer.noise_pa=2",
                "imu.0.navigation.solution=filter", "imu.0.navigation.position_m=[1,1,1.5]",
                "imu.0.navigation.velocity_noise_m_per_s=[0.03,0.03,0.05]"]
     rows = []
@@ -125,7 +121,7 @@ def fly(imud, name):
                                   cwd=folder, stdout=log, stderr=log)
         try:
             line = Line(f"{folder}/imu1")
-            with LockstepClient("127.0.0.1", port) as client:
+            with LockstepClient("127.0.0.1", port_of_truth(log.name, daemon)) as client:
                 for row, host in steps(name):
                     if row is not None:
                         expect(client.step(truth_of(row, rows[-1] if rows else None)).accepted, f"{name}: truth of {row[0]} s refused")
@@ -134,7 +130,7 @@ def fly(imud, name):
                     if host:
                         line.ask(host)
             line.read()
-        except (OSError, RuntimeError) as error:
+        except (OSError, RuntimeError, Fault) as error:
             log.seek(0)
             sys.exit(f"{name}: {error}\n{log.read().decode(errors='replace')}")
         finally:

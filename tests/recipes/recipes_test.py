@@ -3,6 +3,7 @@ of the same name beside this one has what that driver requires, and where this i
 slow machine changes nothing. usage: recipes_test.py IMUD IMU_TRUTH"""
 import os
 import pathlib
+import re
 import select
 import socket
 import struct
@@ -101,6 +102,16 @@ def dronecan_packets(datagrams):
 
 
 # --- The flight computer ---
+def port_of_truth(log, daemon):
+    """The UDP port that the system has chosen for the truth, by the daemon's log, once it is ready."""
+    deadline = time.monotonic() + PATIENCE
+    while daemon.poll() is None and time.monotonic() < deadline:
+        if found := re.search(r" ready, .*truth\.port is udp:127\.0\.0\.1:(\d+)[,\n]", pathlib.Path(log).read_text(errors="replace")):
+            return int(found.group(1))
+        time.sleep(0.02)
+    raise Fault("imud has not begun")
+
+
 class Host:
     def __init__(self, path):
         deadline = time.monotonic() + PATIENCE
@@ -305,18 +316,16 @@ def span(link, wanted, data):
 def run(name, programs, faults):
     wanted = tomllib.loads((HERE / f"{name}.toml").read_text())
     link = wanted["link"]
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
     processes = []
     with tempfile.TemporaryDirectory() as folder, open(f"{folder}/log", "wb") as log:
         try:
-            changes = [f"truth.port=udp:127.0.0.1:{port}"]
+            changes = ["truth.port=udp:127.0.0.1:0"]
             if link == "dronecan":  # another bus than that of a user, on an interface that is always there
                 changes.append(f"imu.0.port=canmcast:8?bitrate=1000000&interface={wanted['interface']}")
             processes.append(subprocess.Popen([programs[0], "run", str(RECIPES / f"{name}.toml")] +
                                               [word for change in changes for word in ("--set", change)], cwd=folder,
                                               stdout=log, stderr=log))
+            port = port_of_truth(log.name, processes[0])
             processes.append(subprocess.Popen([programs[1], "turntable", "--to", f"udp:127.0.0.1:{port}", "--rate", "250", "--for",
                                                "1000"], stdout=log, stderr=log))
             host = Bus(wanted["interface"]) if link == "dronecan" else Host(f"{folder}/imu1")

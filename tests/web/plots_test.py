@@ -149,24 +149,28 @@ createImageBitmap(new Blob([bytes], {type: "image/png"})).then((picture) => {
 }, (error) => done([[0, 0], String(error)]));"""
 
 
+def downloaded(folder, name, end):
+    """The content of a file that ends so, once it is complete: Chromium makes an empty file of this name first."""
+    path = pathlib.Path(folder, name)
+    return wait_until(f"all of {name}", lambda: path.exists() and (content := path.read_bytes()).endswith(end) and content)
+
+
 def check_save(browser):
     with tempfile.TemporaryDirectory(prefix="web") as folder:
         browser.execute_cdp_cmd("Browser.setDownloadBehavior", {"behavior": "allow", "downloadPath": folder})
-        saved = lambda name: pathlib.Path(folder, name)  # noqa: E731
         wait_until("12 s of samples", lambda: (shown := plot(browser, "Rate of"))["curves"]["x"][0][0] < shown["end_s"] - 12)
         press(browser, "#freeze")
         press(browser, "#zoom-in")
         press(browser, f"{IMU1} [data-save=table]")
-        wait_until("the CSV", lambda: saved("imud-imu1.csv").exists())
-        header, *rows = list(csv.reader(saved("imud-imu1.csv").read_text().splitlines()))
+        header, *rows = list(csv.reader(downloaded(folder, "imud-imu1.csv", b"\n").decode().splitlines()))
         assert header[:6] == ["time_s", "sample", "truth", "sent", "rate_x_rad_per_s", "true_rate_x_rad_per_s"], header
         assert "specific_force_z_m_per_s2" in header, header
         shown = plot(browser, "Rate of")
         curve = [p for p in shown["curves"]["x"] if shown["begin_s"] <= p[0] <= shown["end_s"] and p[1] is not None]
         assert len(rows) > 20 and [[float(row[0]), float(row[4])] for row in rows] == curve, "not what the plot shows"
         press(browser, f"{IMU1} [data-save=picture]")
-        wait_until("the picture", lambda: saved("imud-imu1.png").exists())
-        size, colours = browser.execute_async_script(PICTURE, base64.b64encode(saved("imud-imu1.png").read_bytes()).decode())
+        picture = downloaded(folder, "imud-imu1.png", b"IEND\xaeB`\x82")
+        size, colours = browser.execute_async_script(PICTURE, base64.b64encode(picture).decode())
         assert size[0] > 600 and size[1] > 300, size
         assert colours > 10, f"{colours} colours where the first plot is"
         press(browser, "#zoom-reset")
