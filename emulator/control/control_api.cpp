@@ -187,23 +187,41 @@ void ControlApi::make(std::vector<Change> changes, const RpcReply& reply) {
 }
 
 void ControlApi::reload(const RpcReply& reply) {
-  std::optional<Change> change = run_.reloader.prepare();
-  if (!change) {
-    log("control: reload: no key differs");
-    return reply.result({{"changed", Json::array()}, {"applied", Json::array()}});
+  if (run_.reloader.is_waiting()) {
+    constexpr std::size_t most = 16;
+    if (next_reloads_.size() == most) throw RpcError(RpcError::busy, "reload: others wait already");
+    return next_reloads_.push_back(reply);
   }
-  std::vector<Change> changes;
-  changes.push_back(std::move(*change));
+  run_.reload_begins();
+  const RpcReply at_end = reply.after(run_.reload_ends);
   try {
-    make(std::move(changes), reply);
+    if (std::optional<Change> change = run_.reloader.prepare()) return make({std::move(*change)}, at_end);
   } catch (const RpcError&) {
     run_.reloader.cancel();
+    run_.reload_ends();
     throw;
+  }
+  log("control: reload: no key differs");
+  at_end.result({{"changed", Json::array()}, {"applied", Json::array()}});
+}
+
+void ControlApi::make_next_reloads() {
+  while (!next_reloads_.empty() && !run_.reloader.is_waiting()) {
+    const RpcReply reply = std::move(next_reloads_.front());
+    next_reloads_.pop_front();
+    try {
+      reload(reply);
+    } catch (const RpcError& error) {
+      reply.error(error);
+    }
   }
 }
 
 void ControlApi::reload() {
-  if (!run_.reloader.can_read()) return;
+  if (!run_.reloader.can_read()) {
+    run_.reload_begins();
+    return run_.reload_ends();
+  }
   const auto refuse = [](std::string_view why) { spdlog::error("SIGHUP: {}", why); };
   try {
     reload(RpcReply([refuse](const Json& answer) {
@@ -261,6 +279,7 @@ void ControlApi::complete(std::uint64_t number) {
     return false;
   });
   batch.reply.result(std::move(result));
+  make_next_reloads();
 }
 
 // Limits the lines of the log, because a client may send as many commands as it wants.
@@ -301,6 +320,8 @@ void ControlApi::finish() {
   take_results();
   for (auto& [number, batch] : std::exchange(waiting_, {}))
     batch.reply.error(RpcError(RpcError::run_ended, "the run has ended before the change took effect"));
+  for (const RpcReply& reply : std::exchange(next_reloads_, {}))
+    reply.error(RpcError(RpcError::run_ended, "the run has ended before the reload"));
   timer_.cancel();
 }
 

@@ -5,6 +5,7 @@
 #include <boost/asio/steady_timer.hpp>
 #include <chrono>
 #include <cstdint>
+#include <deque>
 #include <functional>
 #include <map>
 #include <memory>
@@ -47,6 +48,8 @@ class ControlApi {
       std::size_t control = 0, web = 0;  // connections
     };
     std::function<Clients()> clients = [] { return Clients(); };
+    // Called when a reload begins, and when it has been made or refused, before the answer.
+    std::function<void()> reload_begins = [] {}, reload_ends = [] {};
   };
   ControlApi(boost::asio::io_context& io, Run run);
 
@@ -96,6 +99,7 @@ class ControlApi {
                const std::shared_ptr<Subscriber>& client);
   void make(std::vector<Change> changes, const RpcReply& reply);
   void reload(const RpcReply& reply);
+  void make_next_reloads();
   void take_results();
   void complete(std::uint64_t batch);
   void log(const std::string& words);
@@ -121,6 +125,7 @@ class ControlApi {
   };
   std::map<std::uint64_t, Waiting> waiting_;
   std::uint64_t last_batch_ = 0;
+  std::deque<RpcReply> next_reloads_;  // of the reloads that begin when the one that waits for its sample is made
   bool ended_ = false;
   std::size_t faults_reported_ = 0;
   // The lines of the log in the second that began at log_second_, and omitted lines since then.

@@ -41,6 +41,13 @@ class RpcReply {
   void error(const RpcError& error) const {
     send_({{"error", {{"code", static_cast<int>(error.code)}, {"message", error.what()}}}});
   }
+  // Returns a reply that calls `first` before it is sent.
+  RpcReply after(std::function<void()> first) const {
+    return RpcReply([first = std::move(first), send = send_](Json members) {
+      first();
+      send(std::move(members));
+    });
+  }
 
  private:
   std::function<void(Json)> send_;

@@ -14,7 +14,6 @@ namespace imud {
 std::optional<Change> Reloader::prepare() {
   if (!read_)
     throw RpcError(RpcError::refused, "reload: only a run of a file, by imud run CONFIG, can read it again");
-  if (reload_ != nullptr) throw RpcError(RpcError::busy, "reload: one waits for its sample already");
   Config next;
   try {
     next = read_();

@@ -26,9 +26,10 @@ class Reloader {
 
   // Returns true if there is a file to read.
   bool can_read() const noexcept { return static_cast<bool>(read_); }
+  // Returns true from prepare() until finish() or cancel().
+  bool is_waiting() const noexcept { return reload_ != nullptr; }
   // Returns the change by the file, with its new ports open; nullopt if no key differs. Throws RpcError, with all
-  // faults of the file, all keys that cannot change, or all ports that cannot be opened. The sampling thread must not
-  // execute the change before finish() or cancel() of the last one.
+  // faults of the file, all keys that cannot change, or all ports that cannot be opened. Not while is_waiting().
   std::optional<Change> prepare();
   // Called when the sampling thread has executed the change. The replaced ports begin to close.
   void finish();

@@ -18,6 +18,7 @@
 #include <vector>
 
 #include "transports/file_descriptor.hpp"
+#include "transports/host_clock.hpp"
 
 namespace imud {
 
@@ -67,6 +68,10 @@ void report_ready(const ChosenPorts& chosen, std::optional<int> ready_fd) {
   if (::write(descriptor.get(), ready.data(), ready.size()) < 0)
     spdlog::warn("--ready-fd {}: cannot be written: {}", *ready_fd, strerrordesc_np(errno));
 }
+
+void report_reloading() { notify_manager(fmt::format("RELOADING=1\nMONOTONIC_USEC={}", host_now().ns / 1000)); }
+
+void report_reloaded() { notify_manager("READY=1"); }
 
 void report_stopping() { notify_manager("STOPPING=1"); }
 

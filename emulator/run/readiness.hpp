@@ -20,6 +20,11 @@ void report_ready(const ChosenPorts& chosen, std::optional<int> ready_fd);
 // nothing.
 void notify_manager(std::string_view state);
 
+// Report to the service manager that a reload of the configuration begins, and that it has been made or refused, as
+// Type=notify-reload requires (systemd.service(5)).
+void report_reloading();
+void report_reloaded();
+
 // Reports to the service manager that the run ends.
 void report_stopping();
 

@@ -245,7 +245,7 @@ int run(const Config& config, const RunOptions& options) {
                       options.config_file.empty() || options.config_file == "-"
                           ? options.config_file
                           : std::filesystem::absolute(options.config_file).lexically_normal().string(),
-                      clients});
+                      clients, report_reloading, report_reloaded});
   reload = [&api] { api.reload(); };
   server->start(api);
   if (web) {

@@ -80,14 +80,25 @@ class ServiceTest(unittest.TestCase):
     def notification(self):
         return self.notified.recv(4096).decode()
 
+    def expect_reload(self, begin_us):
+        """What Type=notify-reload requires (systemd.service(5)), with a time that is not before the manager's signal."""
+        first, second = self.notification().split("\n")
+        self.assertEqual(first, "RELOADING=1")
+        self.assertRegex(second, r"^MONOTONIC_USEC=\d+$")
+        self.assertLessEqual(begin_us, int(second.partition("=")[2]))
+        self.assertLessEqual(int(second.partition("=")[2]), time.monotonic_ns() // 1000)
+        self.assertEqual(self.notification(), "READY=1")
+
     def test_start_reload_stop(self):
         self.assertEqual(setting("Type"), "notify")
         self.write(0.01)
         run = self.start()
         self.assertEqual(self.notification(), "READY=1")
         self.write(0.0234567)
+        begin_us = time.monotonic_ns() // 1000
         reloaded = self.reload()
         self.assertEqual(reloaded.returncode, 0, reloaded.stderr)
+        self.expect_reload(begin_us)
         run.terminate()
         self.assertEqual(self.notification(), "STOPPING=1")
         log, _ = run.communicate()
@@ -114,6 +125,26 @@ class ServiceTest(unittest.TestCase):
         log, _ = run.communicate()
         self.assertEqual(run.returncode, 0, log)
         self.assertNotIn("0.0345678", log)
+
+    def test_a_reload_by_a_signal_and_the_command_at_once(self):
+        """As systemd does both for Type=notify-reload: the command waits for the reload of the signal, and fails if its file is refused."""
+        self.write(0.01)
+        run = self.start()
+        self.assertEqual(self.notification(), "READY=1")
+        for number, bias in enumerate([0.0625, 0.125, '"much"', '"more"', 0.1875, 0.25]):
+            self.write(bias)
+            begin_us = time.monotonic_ns() // 1000
+            run.send_signal(signal.SIGHUP)
+            reloaded = self.reload()
+            self.assertEqual(reloaded.returncode == 0, number not in (2, 3), reloaded.stderr)
+            for _ in range(2):
+                self.expect_reload(begin_us)
+        run.terminate()
+        self.assertEqual(self.notification(), "STOPPING=1")
+        log, _ = run.communicate()
+        self.assertEqual(run.returncode, 0, log)
+        for text in ("= [ 0.125, 0.0", "SIGHUP: reload refused", "= [ 0.25, 0.0"):
+            self.assertIn(text, log)
 
     def test_two_instances_beside_one_another(self):
         self.write(0.01, "a")
@@ -338,7 +369,9 @@ class ServiceTest(unittest.TestCase):
         for self.watchdog in ({}, {"WATCHDOG_USEC": "1000", "WATCHDOG_PID": "1"}, {"WATCHDOG_USEC": "much"}):
             run = self.start()
             self.assertEqual(self.notification(), "READY=1")
+            begin_us = time.monotonic_ns() // 1000
             self.assertEqual(self.reload().returncode, 0)
+            self.expect_reload(begin_us)
             run.terminate()
             self.assertEqual(self.notification(), "STOPPING=1")
             run.communicate()
