@@ -1,4 +1,4 @@
-"""imud@.service under systemd, which runs as process 1 of namespaces of its own, with a journal.
+"""imud@.service under systemd, which runs as process 1 of namespaces of its own, with a journal; and that of a user under `systemd --user`.
 
 usage: systemd_test.py BUILD_FOLDER SOURCE_FOLDER
 
@@ -40,17 +40,39 @@ mkdir -p /run/systemd/system /etc/imud /usr/local/bin
 cp "$1/imud" /usr/local/bin/
 cp "$2"/units/* "$3/imud@.service" /run/systemd/system/
 systemd-sysusers "$3/sysusers.conf"
+systemd-sysusers --inline 'u bench - "a user"'
+mkdir -p /run/bench/units /run/bench/.config/imud
+cp "$2"/units/basic.target "$2"/units/shutdown.target /run/bench/units/
+cp "$2"/units/multi-user.target /run/bench/units/default.target
+sed '/^Wants=/d' -i /run/bench/units/default.target
+cp "$3/imud-user@.service" /run/bench/units/imud@.service
+chown -R bench:bench /run/bench
 systemd-tmpfiles --create "$3/tmpfiles.conf"
+# As the package for Debian 13 has them (debian/rules).
+[ "$4" -lt 253 ] || sed -i 's/^Type=notify$/Type=notify-reload/' /run/systemd/system/imud@.service /run/bench/units/imud@.service
 export container=test SYSTEMD_UNIT_PATH=/run/systemd/system
 exec /lib/systemd/systemd --system --unit=multi-user.target --log-target=journal --show-status=no
 """
 STAND_INS = ("sysinit.target", "basic.target", "network.target", "multi-user.target", "shutdown.target", "umount.target",
              "sockets.target", "syslog.socket")
+# What user@.service of systemd does, without PAM and logind.
+USERS_MANAGER = """[Unit]
+DefaultDependencies=no
+[Service]
+Type=notify
+User=bench
+Delegate=yes
+Environment=HOME=/run/bench XDG_RUNTIME_DIR=/run/bench SYSTEMD_UNIT_PATH=/run/bench/units
+ExecStart=/lib/systemd/systemd --user --log-target=journal
+# The manager exits at once; SIGTERM would have it start a target for that.
+KillSignal=SIGRTMIN+24
+KillMode=mixed
+"""
 CONFIGURATION = """[truth]
 port = "udp:127.0.0.1:0"
 [[imu]]
 protocol = "stim300"
-port = "pty:/run/imud/imu1"
+port = "pty:{folder}/imu1"
 gyro.bias_rad_per_s = [{bias}, 0, 0]
 """
 
@@ -79,11 +101,13 @@ class Namespaces:
                                                       + ("[Socket]\nListenDatagram=/run/none\n" if name.endswith("socket") else ""))
         (self.folder / "units/multi-user.target").write_text("[Unit]\nDescription=all\nDefaultDependencies=no\n"
                                                              "Wants=systemd-journald.service\n")
+        (self.folder / "units/manager.service").write_text(USERS_MANAGER)
         for name in ("systemd-journald.service", "systemd-journald.socket", "systemd-journald-dev-log.socket"):
             shutil.copy(f"/lib/systemd/system/{name}", self.folder / "units")
+        version = subprocess.run(["systemctl", "--version"], capture_output=True, text=True).stdout.split()[1]
         atexit.register(self.end)
         command = ["setpriv", "--pdeathsig", "KILL", "unshare", "--mount", "--pid", "--fork", "--ipc", "--uts", "--cgroup", "--kill-child", "bash", "-c", BOOT, "boot",
-                   BUILD, self.folder, SYSTEM]
+                   BUILD, self.folder, SYSTEM, version]
         self.process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
                                         preexec_fn=lambda: (self.cgroup / "cgroup.procs").write_text(str(os.getpid())))
         end = time.monotonic() + LIMIT_S
@@ -133,8 +157,8 @@ class SystemdTest(unittest.TestCase):
         self.assertEqual(code, 0, f"{words}: {text}\n{self.system.run('journalctl', '-n', '30', '--no-pager')[1]}")
         return text
 
-    def write(self, bias, name="bench"):
-        self.run_all("sh", "-c", 'printf "%s" "$0" > /etc/imud/$1.toml', CONFIGURATION.format(bias=bias), name)
+    def write(self, bias, path="/etc/imud/bench.toml", folder="/run/imud"):
+        self.run_all("sh", "-c", 'printf "%s" "$0" > $1', CONFIGURATION.format(bias=bias, folder=folder), path)
 
     def shown(self, key):
         return self.run_all("systemctl", "show", "--value", "-p", key, "imud@bench").strip()
@@ -172,6 +196,41 @@ class SystemdTest(unittest.TestCase):
         self.run_all("systemctl", "reload", "imud@bench")
         self.assertEqual(self.shown("MainPID"), process)
         self.assertIn("0.0234567", self.run_all("journalctl", "-u", "imud@bench"))
+
+    def by_user(self, *words):
+        """Runs a command as the user who has a manager. Returns the exit code, and what was printed."""
+        return self.system.run("setpriv", "--reuid=bench", "--regid=bench", "--init-groups", "env", "HOME=/run/bench", "XDG_RUNTIME_DIR=/run/bench",
+                               *words)
+
+    def test_the_unit_of_a_user(self):
+        def all_by_user(*words):
+            code, text = self.by_user(*words)
+            self.assertEqual(code, 0, f"{words}: {text}\n{self.system.run('journalctl', '-n', '30', '--no-pager')[1]}")
+            return text
+
+        def shown(key):
+            return all_by_user("systemctl", "--user", "show", "--value", "-p", key, "imud@bench").strip()
+
+        path = "/run/bench/.config/imud/bench.toml"
+        self.write(0.01, path, "/run/bench")
+        self.run_all("systemctl", "start", "manager.service")
+        self.addCleanup(self.run_all, "systemctl", "stop", "manager.service")
+        all_by_user("systemctl", "--user", "start", "imud@bench")
+        process = shown("MainPID")
+        self.assertEqual(shown("ActiveState"), "active")
+        self.assertEqual(self.run_all("ps", "-o", "user=", "-p", process).strip(), "bench")
+        status = json.loads(all_by_user("imud", "status", "--json"))["runs"]
+        self.assertEqual([(run["name"], run["state"], run["config"], run["pid"]) for run in status], [("bench", "running", path, int(process))])
+        self.write('"much"', path, "/run/bench")
+        self.assertNotEqual(self.by_user("systemctl", "--user", "reload", "imud@bench")[0], 0)
+        self.write(0.0234567, path, "/run/bench")
+        all_by_user("systemctl", "--user", "reload", "imud@bench")
+        self.assertEqual((shown("ActiveState"), shown("MainPID")), ("active", process))
+        self.assertIn("0.0234567", self.run_all("journalctl", "-o", "cat", f"_PID={process}"))
+        all_by_user("systemctl", "--user", "kill", "--signal=KILL", "imud@bench")
+        self.wait_until(lambda: shown("ActiveState") == "active" and shown("MainPID") not in ("0", process))
+        all_by_user("systemctl", "--user", "stop", "imud@bench")
+        self.assertEqual((shown("ActiveState"), shown("Result")), ("inactive", "success"))
 
     def test_a_wrong_file_is_not_started_again(self):
         self.write('"much"')
