@@ -12,8 +12,8 @@
 #include "emulator/frames/described_protocols.hpp"
 #include "protocols/protocol.hpp"
 #include "protocols/truth_format.hpp"
+#include "tests/support/free_port.hpp"
 #include "tests/support/text.hpp"
-#include "tests/tools/loopback_socket.hpp"
 #include "tests/tools/run_program.hpp"
 #include "tests/transports/scratch_folder.hpp"
 #include "transports/port.hpp"
@@ -193,7 +193,7 @@ TEST(CommandLine, TooManyOpenFilesNamesTheRemedy) {
   const ScratchFolder folder;
   const std::string path = folder / "imud.toml";
   std::ofstream file(path);
-  file << "clock = \"lockstep\"\ntruth.port = \"udp:127.0.0.1:" << LoopbackSocket().port() << "\"\n";
+  file << "clock = \"lockstep\"\ntruth.port = \"udp:127.0.0.1:" << free_udp_port() << "\"\n";
   for (int i = 0; i < 8; ++i)
     file << "[[imu]]\nprotocol = \"stim300\"\nport = \"pty:" << folder / fmt::format("imu{}", i) << "\"\n";
   file.close();

@@ -1,11 +1,12 @@
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 
 #include <fstream>
 #include <nlohmann/json.hpp>
 
+#include "tests/support/free_port.hpp"
 #include "tests/support/text.hpp"
-#include "tests/tools/loopback_socket.hpp"
 #include "tests/tools/run_program.hpp"
 #include "tests/tools/sample_stream.hpp"
 #include "tests/transports/capture_builder.hpp"
@@ -26,7 +27,7 @@ void send_to(const std::string& spec, std::string_view protocol, std::span<const
   for (const Sample& sample : samples) port->send(line.encode(sample));
 }
 
-std::string free_udp_port() { return LoopbackSocket().spec(); }
+std::string free_port() { return fmt::format("udp:127.0.0.1:{}", free_udp_port()); }
 
 TEST(ImuDecode, DecodesAFile) {
   const ScratchFolder folder;
@@ -137,7 +138,7 @@ TEST(ImuDecode, EndsAfterCount) {
 
 // The datagrams arrive while it cannot read; SIGINT comes before it can.
 TEST(ImuDecode, WhatHasArrivedBeforeASignalIsDecoded) {
-  const std::string spec = free_udp_port();
+  const std::string spec = free_port();
   const auto samples = steady_samples(500, 100);
   Program decode("imu-decode");
   decode.start({"native", spec, "--require", "samples=500,gaps=0"});
@@ -163,15 +164,15 @@ TEST(ImuDecode, AFileDescriptorIsWrittenToWhenThePortIsOpen) {
   const auto decode = [](const std::string& port) {
     return run_program("/bin/sh", {"-c", IMUD_BIN_DIR "/imu-decode native " + port + " --for 0.1 --ready-fd 3 3>&1"});
   };
-  EXPECT_TRUE(decode(free_udp_port()).output.starts_with("ready\ntime_ns,"));
+  EXPECT_TRUE(decode(free_port()).output.starts_with("ready\ntime_ns,"));
   EXPECT_EQ(decode("file:" + folder / "none").output, "");
-  EXPECT_EQ(run_program("imu-decode", {"native", free_udp_port(), "--ready-fd", "1000"}).exit_code, 2);
+  EXPECT_EQ(run_program("imu-decode", {"native", free_port(), "--ready-fd", "1000"}).exit_code, 2);
 }
 
 TEST(ImuDecode, ARowIsWrittenAtOnceAndASignalEndsIt) {
   const ScratchFolder folder;
   for (const int signal : {SIGINT, SIGTERM}) {
-    const std::string spec = free_udp_port();
+    const std::string spec = free_port();
     const auto samples = steady_samples(50, 100);
     Program decode("imu-decode");
     decode.start({"native", spec, "--json", folder / "report.json"});
@@ -190,7 +191,7 @@ TEST(ImuDecode, ARowIsWrittenAtOnceAndASignalEndsIt) {
 }
 
 TEST(ImuDecode, EndsAfterItsTime) {
-  const auto result = run_program("imu-decode", {"native", free_udp_port(), "--for", "0.2"});
+  const auto result = run_program("imu-decode", {"native", free_port(), "--for", "0.2"});
   EXPECT_EQ(result.exit_code, 1);  // nothing was received
   EXPECT_TRUE(contains(result.errors, "no sample was decoded")) << result.errors;
   EXPECT_EQ(result.output, measurement_csv_header);

@@ -1,3 +1,4 @@
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <array>
@@ -6,6 +7,7 @@
 #include "protocols/native_truth.hpp"
 #include "protocols/truth_format.hpp"
 #include "tests/support/decode_truth.hpp"
+#include "tests/support/free_port.hpp"
 #include "tests/support/text.hpp"
 #include "tests/tools/loopback_socket.hpp"
 #include "tests/tools/run_program.hpp"
@@ -268,7 +270,7 @@ TEST(ImuTruth, LockstepFailsWithoutAnswer) {
   EXPECT_TRUE(contains(result.errors, "sent 3 times")) << result.errors;
   EXPECT_EQ(silent.receive_all().size(), 3U);
 
-  const std::string nobody = LoopbackSocket().spec();
+  const std::string nobody = fmt::format("udp:127.0.0.1:{}", free_udp_port());
   EXPECT_EQ(run_program("imu-truth", {"rest", "--to", nobody, "--lockstep", "--resend", "1"}).exit_code, 1);
 }
 

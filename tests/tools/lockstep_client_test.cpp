@@ -18,6 +18,7 @@
 #include "protocols/native_truth.hpp"
 #include "protocols/truth_format.hpp"
 #include "tests/support/decode_truth.hpp"
+#include "tests/support/free_port.hpp"
 #include "tests/support/text.hpp"
 #include "tests/tools/loopback_socket.hpp"
 #include "tests/tools/run_program.hpp"
@@ -370,7 +371,7 @@ TEST_P(LockstepClients, SilenceIsAnErrorThatNamesTheRemedy) {
       << failure;
   EXPECT_EQ(silent.receive_all().size(), 3U);
 
-  const int nobody = LoopbackSocket().port();
+  const int nobody = free_udp_port();
   const std::string refused = steps(nobody, options, {spiral(0)}).failure;
   EXPECT_TRUE(contains(refused, "sent 3 times, 20 ms each (Connection refused); right would be")) << refused;
 }
@@ -469,7 +470,7 @@ accelerometer.walk_sqrt_cov = [0.1, 0.1, 0.1]
   }
 
   const ScratchFolder folder_;
-  const int port_ = LoopbackSocket().port();  // free now; imud binds it later
+  const int port_ = free_udp_port();
 };
 
 INSTANTIATE_TEST_SUITE_P(, LockstepRun, testing::Values(false, true),
@@ -536,7 +537,7 @@ TEST_P(LockstepRun, ImudMayStartLater) {
 
 TEST(LockstepClient, ThePythonDemonstrationTurnsImud) {
   const ScratchFolder folder;
-  const std::string port = std::to_string(LoopbackSocket().port());
+  const std::string port = std::to_string(free_udp_port());
   std::ofstream(folder / "imud.toml") << "clock = \"lockstep\"\ntruth.port = \"udp:127.0.0.1:" << port
                                       << "\"\n[[imu]]\n"
                                       << "rate_hz = 200\nprotocol = \"csv\"\nport = \"file:" << folder / "out"
@@ -556,7 +557,7 @@ TEST(LockstepClient, ThePythonDemonstrationTurnsImud) {
 // An imud in real time answers that it has not emitted what an imud in lockstep would have.
 TEST(LockstepClient, AnImudThatIsNotInLockstepIsAFailure) {
   const ScratchFolder folder;
-  const std::string port = std::to_string(LoopbackSocket().port());
+  const std::string port = std::to_string(free_udp_port());
   std::ofstream(folder / "imud.toml") << "truth.port = \"udp:127.0.0.1:" << port << "\"\n[[imu]]\n"
                                       << "rate_hz = 200\nprotocol = \"csv\"\nport = \"file:" << folder / "out"
                                       << "\"\ngyro.max_rad_per_s = 10\naccelerometer.max_m_per_s2 = 100\n";

@@ -13,6 +13,7 @@
 #include "protocols/native_truth.hpp"
 #include "protocols/truth_format.hpp"
 #include "tests/support/decode_truth.hpp"
+#include "tests/support/free_port.hpp"
 #include "tests/support/text.hpp"
 #include "tests/tools/loopback_socket.hpp"
 #include "tests/tools/run_program.hpp"
@@ -75,7 +76,7 @@ TEST_P(RealtimeClients, TheTruthsArriveInOrderAndNotBeforeTheyAreDue) {
 }
 
 TEST_P(RealtimeClients, NobodyThereIsAFailureThatNamesTheRemedy) {
-  const int nobody = LoopbackSocket().port();
+  const int nobody = free_udp_port();
   const ProgramResult result = send_turntable(GetParam(), nobody, 0);
   // The first datagram to a port that is not open is accepted; the next one reports it.
   EXPECT_TRUE(contains(result.output, "1 truths sent, 0 refused")) << result.output;
@@ -85,7 +86,7 @@ TEST_P(RealtimeClients, NobodyThereIsAFailureThatNamesTheRemedy) {
 
 TEST_P(RealtimeClients, ImudAcceptsEveryTruth) {
   const ScratchFolder folder;
-  const int port = LoopbackSocket().port();
+  const int port = free_udp_port();
   std::ofstream(folder / "imud.toml") << "truth.port = \"udp:127.0.0.1:" << port << "\"\n[[imu]]\n"
                                       << "rate_hz = 100\nprotocol = \"csv\"\nport = \"file:" << folder / "out"
                                       << "\"\ngyro.max_rad_per_s = 10\naccelerometer.max_m_per_s2 = 100\n";

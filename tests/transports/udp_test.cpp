@@ -5,6 +5,7 @@
 
 #include <fstream>
 
+#include "tests/support/free_port.hpp"
 #include "tests/transports/numbered_frames.hpp"
 #include "tests/transports/port_error.hpp"
 #include "transports/file_descriptor.hpp"
@@ -13,18 +14,7 @@
 namespace imud {
 namespace {
 
-// Returns a UDP port that is not bound.
-int free_port(int family = AF_INET) {
-  const FileDescriptor probe(::socket(family, SOCK_DGRAM, 0));
-  sockaddr_in6 address{};
-  address.sin6_family = static_cast<sa_family_t>(family);
-  socklen_t size = family == AF_INET ? sizeof(sockaddr_in) : sizeof(sockaddr_in6);
-  EXPECT_EQ(::bind(probe.get(), reinterpret_cast<const sockaddr*>(&address), size), 0);
-  ::getsockname(probe.get(), reinterpret_cast<sockaddr*>(&address), &size);
-  return ntohs(address.sin6_port);
-}
-
-std::string local_spec() { return fmt::format("udp:127.0.0.1:{}", free_port()); }
+std::string local_spec() { return fmt::format("udp:127.0.0.1:{}", free_udp_port()); }
 
 Frame frame_of(std::string_view text) { return {std::as_bytes(std::span(text))}; }
 
@@ -33,7 +23,7 @@ std::string text_of(const Port::Received& received) {
 }
 
 TEST(Udp, AFrameIsADatagram) {
-  for (const std::string& spec : {local_spec(), fmt::format("udp:[::1]:{}", free_port(AF_INET6))}) {
+  for (const std::string& spec : {local_spec(), fmt::format("udp:[::1]:{}", free_udp_port(AF_INET6))}) {
     const auto listener = open_port(spec, Role::listener);
     const auto device = open_port(spec, Role::device);
     EXPECT_EQ(listener->receive(), std::nullopt);
@@ -180,7 +170,7 @@ TEST(Udp, RefusalIsNotTakenForWhatCameBack) {
 }
 
 TEST(Udp, AListenerNamesTheSender) {
-  for (const std::string& spec : {local_spec(), fmt::format("udp:[::1]:{}", free_port(AF_INET6))}) {
+  for (const std::string& spec : {local_spec(), fmt::format("udp:[::1]:{}", free_udp_port(AF_INET6))}) {
     const auto listener = open_port(spec, Role::listener);
     const auto first = open_port(spec, Role::device), second = open_port(spec, Role::device);
     std::vector<Endpoint> senders;
@@ -230,7 +220,7 @@ TEST(Udp, AListenerAdmitsOneSender) {
 }
 
 TEST(Udp, AMulticastGroupIsJoined) {
-  const std::string group = fmt::format("udp:239.255.13.13:{}?interface=lo", free_port());
+  const std::string group = fmt::format("udp:239.255.13.13:{}?interface=lo", free_udp_port());
   const auto listener = open_port(group, Role::listener);
   const auto second = open_port(group, Role::listener);
   const auto device = open_port(group, Role::device);
@@ -248,7 +238,7 @@ TEST(Udp, AnIpv6GroupIsJoined) {
   constexpr std::string_view address = "ff121357000000000000000000002468";
   EXPECT_FALSE(mentions(memberships(), address));
   for (const std::string text : {"udp:[ff12:1357::2468]:{}?interface=lo", "udp:[ff12:1357::2468%lo]:{}"}) {
-    const auto listener = open_port(fmt::format(fmt::runtime(text), free_port(AF_INET6)), Role::listener);
+    const auto listener = open_port(fmt::format(fmt::runtime(text), free_udp_port(AF_INET6)), Role::listener);
     EXPECT_TRUE(mentions(memberships(), address)) << memberships();
   }
 }

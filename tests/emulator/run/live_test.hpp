@@ -10,6 +10,7 @@
 
 #include "protocols/native_truth.hpp"
 #include "tests/emulator/run/run_test.hpp"
+#include "tests/support/free_port.hpp"
 #include "tools/truth/motion.hpp"
 #include "transports/file_descriptor.hpp"
 
@@ -19,14 +20,9 @@ namespace imud {
 class Simulator {
  public:
   Simulator() : socket_(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0)) {
-    // A port that is free now; imud binds it later.
-    const FileDescriptor probe(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
     address_.sin_family = AF_INET;
     address_.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-    socklen_t size = sizeof address_;
-    if (::bind(probe.get(), reinterpret_cast<const sockaddr*>(&address_), size) != 0 ||
-        ::getsockname(probe.get(), reinterpret_cast<sockaddr*>(&address_), &size) != 0)
-      throw std::runtime_error("no UDP port");
+    address_.sin_port = htons(static_cast<std::uint16_t>(free_udp_port()));
   }
   std::string port() const { return fmt::format("udp:127.0.0.1:{}", ntohs(address_.sin_port)); }
 
