@@ -116,10 +116,10 @@ class LineController {
   void send(std::string_view command) const {
     EXPECT_EQ(::write(master_.get(), command.data(), command.size()), static_cast<ssize_t>(command.size()));
   }
-  // Returns the number of frames received over the line. It waits until there are as many as expected, 20 s at most
-  // (the guest may be held up for long), and then 200 ms in which any frame too many arrives.
+  // Returns the number of frames received over the line. It waits until there are as many as expected, a minute at
+  // most (the guest may be held up for long), and then 200 ms in which any frame too many arrives.
   std::uint64_t frames(std::uint64_t expected) const {
-    const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(20);
+    const auto end = std::chrono::steady_clock::now() + std::chrono::minutes(1);
     while (frames_ < expected && std::chrono::steady_clock::now() < end)
       std::this_thread::sleep_for(std::chrono::milliseconds(10));
     std::this_thread::sleep_for(std::chrono::milliseconds(200));

@@ -194,7 +194,7 @@ TEST_F(Stop, InLockstepWhileAReaderIsWaitedFor) {
   run.run(1000);
   stopper.join();
   EXPECT_GE(host_now() - begin, 100ms);
-  EXPECT_LT(host_now() - begin, 1s);
+  EXPECT_LT(host_now() - begin, 2s);
   EXPECT_LE(run.counters().samples, 2U);
 }
 

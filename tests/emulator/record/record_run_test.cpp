@@ -107,7 +107,7 @@ TEST_F(RecordRunTest, ALiveRunIsRepeatedAndReadableAfterAKill) {
       two_imus("realtime", "port = \"" + simulator_.port() + "\"\ndelay_ms = 0\nextrapolate_ms = 20");
   Program imud("imud");
   start(imud, c, {"--record", record()});
-  std::this_thread::sleep_for(300ms);
+  ASSERT_TRUE(imud.wait_for_errors(" ready"));
   std::uint32_t k = 0;
   const auto play = [&](int truths) {
     for (int i = 0; i < truths; ++i, ++k) {
@@ -131,8 +131,12 @@ TEST_F(RecordRunTest, ALiveRunIsRepeatedAndReadableAfterAKill) {
 
   Program killed("imud");
   start(killed, c, {"--record", record()});
-  std::this_thread::sleep_for(300ms);
+  ASSERT_TRUE(killed.wait_for_errors(" ready"));
   play(50);
+  EXPECT_TRUE(eventually([&] {
+    const std::vector<std::string> now = packets(record());
+    return std::count(now.begin(), now.end(), "truth") > 30 && read_file(path("out1")).size() > 10'000;
+  }));
   killed.stop(SIGKILL);
   const std::vector<std::string> left = packets(record());
   EXPECT_GT(std::count(left.begin(), left.end(), "truth"), 30);

@@ -49,7 +49,7 @@ class Slcan : public ::testing::Test {
     ASSERT_EQ(::write(device.fd(), text.data(), text.size()), static_cast<ssize_t>(text.size()));
   }
   static std::optional<Port::Received> receive_next(Port& port) {
-    for (int i = 0; i < 200; ++i) {
+    for (int i = 0; i < 3000; ++i) {
       if (auto received = port.receive()) return received;
       std::this_thread::sleep_for(10ms);
     }
@@ -156,7 +156,7 @@ TEST_F(Slcan, ARefusalOfAFrameIsCounted) {
   EXPECT_EQ(port->counters().refused, 0U) << "the channel could not be closed, because it was not open";
   port->send(LineFrames().add({.id = 1}, 0));
   send(device, "\a");
-  for (int i = 0; i < 100 && port->counters().refused == 0; ++i) {
+  for (int i = 0; i < 3000 && port->counters().refused == 0; ++i) {
     EXPECT_FALSE(port->receive());
     std::this_thread::sleep_for(10ms);
   }
