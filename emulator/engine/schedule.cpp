@@ -11,9 +11,14 @@ bool is_later(const Schedule::Slot& a, const Schedule::Slot& b) noexcept {
 }
 }  // namespace
 
-Schedule::Schedule(std::span<const Grid> grids) : grids_(grids.begin(), grids.end()), origins_(grids.size()) {
+Schedule::Schedule(std::span<const Grid> grids)
+    : grids_(grids.begin(), grids.end()), origins_(grids.size()), firsts_(grids.size()) {
   for (const Grid& grid : grids_) walks_.emplace_back(grid, 0);
   heap_.reserve(grids.size());
+}
+
+const Schedule::Slot& Schedule::next(std::size_t imu) const noexcept {
+  return *std::ranges::find(heap_, imu, &Slot::imu);
 }
 
 void Schedule::advance(Nanoseconds shift) noexcept {
@@ -21,7 +26,7 @@ void Schedule::advance(Nanoseconds shift) noexcept {
   origins_[slot.imu] += shift;
   Grid::Walk& walk = walks_[slot.imu];
   walk.advance();
-  slot.index = walk.k();
+  slot.index = walk.k() - firsts_[slot.imu];
   slot.offset = origins_[slot.imu] + walk.offset();
   // The slot replaces the first, and sinks below earlier slots.
   std::size_t place = 0;
@@ -34,9 +39,10 @@ void Schedule::advance(Nanoseconds shift) noexcept {
   heap_[place] = slot;
 }
 
-void Schedule::start(std::size_t imu, Nanoseconds origin) noexcept {
+void Schedule::start(std::size_t imu, Nanoseconds origin, std::uint64_t first) noexcept {
   origins_[imu] = origin;
-  walks_[imu] = Grid::Walk(grids_[imu], 0);
+  firsts_[imu] = first;
+  walks_[imu] = Grid::Walk(grids_[imu], first);
   std::erase_if(heap_, [imu](const Slot& slot) { return slot.imu == imu; });
   std::make_heap(heap_.begin(), heap_.end(), is_later);
   heap_.push_back({origin + walks_[imu].offset(), 0, imu});

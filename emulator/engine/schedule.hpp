@@ -19,20 +19,22 @@ class Schedule {
 
   struct Slot {
     Nanoseconds offset{0};    // from the schedule's origin
-    std::uint64_t index = 0;  // on the imu's grid
+    std::uint64_t index = 0;  // since the imu's start()
     std::size_t imu = 0;      // index into the constructor's grids
   };
   // Returns true while no grid is started; then next() must not be called.
   bool empty() const noexcept { return heap_.empty(); }
   // Returns the earliest slot that advance() has not passed.
   const Slot& next() const noexcept { return heap_.front(); }
+  // Returns the earliest of the imu, whose grid is started.
+  const Slot& next(std::size_t imu) const noexcept;
   // Advances to the slot after next(). The later instants of next()'s imu come later by `shift`, which leaves them in
   // order.
   void advance(Nanoseconds shift = Nanoseconds{0}) noexcept;
 
-  // Starts the imu's grid, or starts it again, so that its instants are `origin` + Grid::offset(k), as far as
-  // advance() does not shift them.
-  void start(std::size_t imu, Nanoseconds origin) noexcept;
+  // Starts the imu's grid, or starts it again, so that its instants are `origin` + Grid::offset(first + index), as
+  // far as advance() does not shift them.
+  void start(std::size_t imu, Nanoseconds origin, std::uint64_t first = 0) noexcept;
   // Changes the imu's grid. If it is started, its next instant stays, and is instant 0 of the new grid.
   void change(std::size_t imu, const Grid& grid) noexcept;
 
@@ -40,7 +42,8 @@ class Schedule {
   std::vector<Grid> grids_;
   std::vector<Grid::Walk> walks_;  // each at the imu's next instant
   std::vector<Nanoseconds> origins_;
-  std::vector<Slot> heap_;  // the next slot of each imu whose grid is started
+  std::vector<std::uint64_t> firsts_;  // instants of the grids
+  std::vector<Slot> heap_;             // the next slot of each imu whose grid is started
 };
 
 }  // namespace imud

@@ -34,6 +34,23 @@ TEST(Schedule, ShiftsTheLaterInstantsOfAnImu) {
   EXPECT_EQ(schedule.next().offset, 5ms);
 }
 
+// A grid that starts late has the instants that it would have there, to the nanosecond.
+TEST(Schedule, StartsAGridAtAnyOfItsInstants) {
+  const std::vector<Grid> grids = {Grid(1000), Grid(333.3, 0, 17us)};
+  Schedule schedule(grids);
+  schedule.start(0, 0ns);
+  constexpr std::uint64_t first = 598'561'828'234;
+  const Nanoseconds origin = -grids[1].offset(first);
+  schedule.start(1, origin, first);
+  for (std::uint64_t index = 0; index < 1000;) {
+    EXPECT_EQ(schedule.next(1).index, index);
+    EXPECT_EQ(schedule.next(1).offset, origin + grids[1].offset(first + index));
+    EXPECT_EQ(schedule.next(0).imu, 0U);
+    index += schedule.next().imu;
+    schedule.advance();
+  }
+}
+
 TEST(Schedule, MergesEveryGridInOrder) {
   const std::vector<Grid> grids = {Grid(1000), Grid(1000, 200),         Grid(409.6, -35, 300us),
                                    Grid(1),    Grid(4000, 0, 62'500ns), Grid(1000)};
