@@ -295,6 +295,13 @@ struct TruthQuality : CounterGroup {
   std::atomic<std::int64_t> last_missing_ns = 0, last_held_ns = 0, last_behind_ns = 0, last_leap_ns = 0;
 };
 
+// The clock of the epoch on which the grids of samples are (`[realtime] epoch`).
+struct ClockCounters : CounterGroup {
+  // Times that it was set, and the last change of its time, s.
+  Counter steps{*this, {"steps", "steps", Show::always}};
+  Level last_step{*this, "last_step_us", 0, 1e6};
+};
+
 // The counters of a record (`--record`).
 struct RecordCounters : CounterGroup {
   Counter packets{*this, {"packets", "packets", Show::always}};

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <poll.h>
+#include <sys/types.h>
 
 #include <cstddef>
 #include <span>
@@ -20,6 +21,12 @@ class Host {
   // Waits until `time`, and spins for the last `spin` of the wait, so that no wake-up delays the return. Returns the
   // time of the return.
   virtual HostTime sleep_until(HostTime time, Nanoseconds spin = {}) noexcept = 0;
+
+  // How much the time of a clock, such as CLOCK_TAI, is ahead of now(), and the uncertainty of that, either way.
+  struct Ahead {
+    Nanoseconds by{0}, uncertainty{0};
+  };
+  virtual Ahead ahead(clockid_t clock) noexcept = 0;
 
   // --- Inputs, each with a number from 0 on ---
   // Makes room for that many inputs, of which none is watched. Allocates.
@@ -43,6 +50,7 @@ class MonotonicHost final : public Host {
   MonotonicHost() noexcept;
   HostTime now() noexcept override;
   HostTime sleep_until(HostTime time, Nanoseconds spin) noexcept override;
+  Ahead ahead(clockid_t clock) noexcept override;
   void reserve_inputs(std::size_t count) override;
   void watch(std::size_t input, int descriptor, short events, bool again) noexcept override;
   std::span<const Ready> wait_for_input(HostTime time) noexcept override;

@@ -23,6 +23,7 @@ class CountingHost final : public Host {
   HostTime sleep_until(HostTime time, Nanoseconds spin) noexcept override {
     return counted().sleep_until(time, spin);
   }
+  Ahead ahead(clockid_t clock) noexcept override { return host_.ahead(clock); }
   void reserve_inputs(std::size_t count) override { host_.reserve_inputs(count); }
   void watch(std::size_t input, int descriptor, short events, bool again) noexcept override {
     host_.watch(input, descriptor, events, again);

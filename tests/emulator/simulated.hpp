@@ -30,6 +30,9 @@ class SimulatedHost final : public Host {
     go_to(time);
     return now_;
   }
+  Ahead ahead(clockid_t) noexcept override {
+    return {epoch_ahead ? epoch_ahead(now_) : Nanoseconds{0}, Nanoseconds{50}};
+  }
   void reserve_inputs(std::size_t count) override { inputs_.assign(count, -1); }
   void watch(std::size_t input, int descriptor, short events, bool) noexcept override {
     inputs_[input] = (events & POLLIN) != 0 ? descriptor : -1;
@@ -50,8 +53,9 @@ class SimulatedHost final : public Host {
   void freeze(HostTime from, HostTime until) { freezes_.push_back({from, until}); }
   void spend(Nanoseconds time) noexcept { go_to(now_ + time); }
 
-  std::deque<Arrival> arrivals;                // of truth, in order
-  std::function<HostTime(int fd)> next_input;  // when a sensor's port is readable, or `never`
+  std::function<Nanoseconds(HostTime)> epoch_ahead;  // of the epoch's clock against this host's; nullptr: 0
+  std::deque<Arrival> arrivals;                      // of truth, in order
+  std::function<HostTime(int fd)> next_input;        // when a sensor's port is readable, or `never`
   static constexpr HostTime never{std::numeric_limits<std::int64_t>::max()};
   std::function<void()> on_wait;          // called at the end of each wait for input
   std::function<void(HostTime)> on_send;  // called before each sample of a SimulatedSensor is sent

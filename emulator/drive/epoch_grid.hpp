@@ -1,0 +1,75 @@
+// EpochGrid: where the imus' grids of samples start, and where they stay if several hosts share a clock.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "core/time.hpp"
+#include "emulator/ground/counters.hpp"
+#include "emulator/ground/host.hpp"
+#include "emulator/plan/epoch.hpp"
+
+namespace imud {
+
+// Without an epoch, instant 0 of a grid is where its run starts. With an epoch, the instants of an imu are
+// epoch + Grid::nominal_offset(K) by the epoch's clock, for every host that has the same clock, and a run starts with
+// the first of them that is at or after a whole second. An imu with a clock error starts on that grid and leaves it.
+//
+// The host's clock is the one that the loop waits by. How far the epoch's clock is ahead of it is read ten times a
+// second. If that has changed by more than the reading is uncertain, the grids follow: the next instant of each imu
+// moves by half a period at most, to an instant of its grid by the changed clock. A change that no drift explains is
+// a step, which is counted. Allocates only in the constructor. One thread.
+class EpochGrid {
+ public:
+  EpochGrid(Host& host, Epoch epoch, std::size_t imus, ClockCounters& counters)
+      : host_(host), epoch_(epoch), counters_(counters), imus_(imus) {}
+
+  // Returns when grids start that may start at `ready`, and not before: there, or at the next whole second of the
+  // epoch's clock.
+  HostTime start_from(HostTime ready) noexcept;
+
+  struct Placement {
+    HostTime begin;            // the imu's first instant less the phase
+    HostTime origin;           // the instants are origin + Grid::offset(first + i)
+    std::uint64_t first = 0;   // instant of the grid from `origin`
+    std::uint64_t number = 0;  // K of the first instant; without an epoch 0
+  };
+  // Places the imu's grid so that its first instant is the first at or after `start`, apart from the phase.
+  Placement place(std::size_t imu, const Grid& grid, HostTime start) noexcept;
+
+  // Reads the clock if that is due.
+  void update(HostTime now) noexcept {
+    if (epoch_ != Epoch::none && now >= next_reading_) [[unlikely]]
+      read(now);
+  }
+  // Returns the placement that an imu changes to because the clock has changed; nullopt if it stays. The imu's next
+  // instant is `next`, the one with this `index` since it was placed.
+  std::optional<Placement> follow(std::size_t imu, const Grid& grid, std::uint64_t index, HostTime next) noexcept {
+    if (epoch_ == Epoch::none || (imus_[imu].ahead == ahead_.by && !imus_[imu].has_changed)) [[likely]]
+      return std::nullopt;
+    return place_again(imu, grid, index, next);
+  }
+  // The imu has another grid from its next instant on, which stays; it follows the epoch from the instant after that.
+  void change(std::size_t imu) noexcept { imus_[imu].has_changed = true; }
+
+ private:
+  void read(HostTime now) noexcept;
+  Placement place_at(std::size_t imu, const Grid& grid, std::uint64_t number, Nanoseconds off) noexcept;
+  Placement place_again(std::size_t imu, const Grid& grid, std::uint64_t index, HostTime next) noexcept;
+
+  struct Placed {
+    Nanoseconds ahead{0};      // the clock's, when the imu was placed
+    std::uint64_t number = 0;  // K of its first instant
+    bool has_changed = false;  // its grid has
+  };
+  Host& host_;
+  const Epoch epoch_;
+  ClockCounters& counters_;
+  Host::Ahead ahead_;  // that counts
+  HostTime read_at_;   // when it was read last
+  HostTime next_reading_;
+  std::vector<Placed> imus_;
+};
+
+}  // namespace imud
