@@ -41,6 +41,7 @@ Ports reading_from(ReadAhead& ahead, const Ports& ports) {
 
 Assembly::Assembly(const Config& config, const Ports& ports, const Parts& parts)
     : pace_(pace_of(config)),
+      epoch_(epoch_of(config)),
       threads_(may_use_threads(config, parts) ? parts.threads : 1),
       repeated_(record_of(config, parts.repeats)),
       ahead_(threads_ > 2 ? std::optional<ReadAhead>(std::in_place, config.truth) : std::nullopt),
@@ -58,7 +59,7 @@ void Assembly::run(Host& host, const std::atomic<bool>& stop, const Limits& limi
   if (repeated_) return repeated_->run(engine_, host, {pace_, limits.duration, limits.awaits_truth}, stop);
   std::optional<EncodingThread> encoding;
   if (encodes_apart_) engine_.encode_by(&encoding.emplace(engine_.channels().size(), stop));
-  Loop(engine_, host, *pacer_, {pace_.value_or(PaceOptions{}), limits.duration}, stop).run();
+  Loop(engine_, host, *pacer_, {pace_.value_or(PaceOptions{}), limits.duration, epoch_}, clock_, stop).run();
   engine_.encode_by(nullptr);
 }
 

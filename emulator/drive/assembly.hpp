@@ -31,6 +31,8 @@ class Assembly {
 
   Engine& engine() noexcept { return engine_; }
   const Engine& engine() const noexcept { return engine_; }
+  // Returns the counters of the epoch's clock.
+  const ClockCounters& clock() const noexcept { return clock_; }
   // Returns how many threads the run has: fewer than Parts::threads if it is no `fast` replay of a file, is recorded,
   // or has an imu whose frames cannot be made apart (EncodingThread::serves()).
   unsigned threads() const noexcept { return 1U + (ahead_ ? 1U : 0U) + (encodes_apart_ ? 1U : 0U); }
@@ -47,10 +49,12 @@ class Assembly {
 
  private:
   const std::optional<PaceOptions> pace_;  // nullopt: the host's clock does not pace
-  const unsigned threads_;                 // that may be used
+  const Epoch epoch_;
+  const unsigned threads_;  // that may be used
   std::optional<RecordedRun> repeated_;
   std::optional<ReadAhead> ahead_;
   Engine engine_;
+  ClockCounters clock_;
   const bool encodes_apart_;
   const std::unique_ptr<Pacer> pacer_;
 };

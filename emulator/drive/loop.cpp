@@ -34,7 +34,8 @@ std::vector<Grid> grids(const Engine& engine) {
 
 }  // namespace
 
-Loop::Loop(Engine& engine, Host& host, Pacer& pacer, const LoopOptions& options, const std::atomic<bool>& stop)
+Loop::Loop(Engine& engine, Host& host, Pacer& pacer, const LoopOptions& options, ClockCounters& clock,
+           const std::atomic<bool>& stop)
     : engine_(engine),
       host_(host),
       pacer_(pacer),
@@ -47,18 +48,19 @@ Loop::Loop(Engine& engine, Host& host, Pacer& pacer, const LoopOptions& options,
       paced_(pacer.is_paced()),
       waits_for_truth_(pacer.waits_for_truth()),
       schedule_(grids(engine)),
+      epoch_(host, options.epoch, engine.channels().size(), clock),
       limit_(options.limit),
       budget_(most_truths) {}
 
 void Loop::run() noexcept {
   if (!waits_for_truth_) {
-    origin_ = host_.now() + pause;
-    sink_.set_time(origin_ - pause);
+    const HostTime now = host_.now();
+    sink_.set_time(now);
+    origin_ = epoch_.start_from(now + pause);
     for (std::size_t i = 0; i < engine_.channels().size(); ++i) {
-      engine_.apply(Step::power_on(i, origin_));
-      if (!engine_.channels()[i]->rests_before_truth) continue;
-      schedule_.start(i, Nanoseconds{0});
-      engine_.apply(Step::start_samples(i));
+      const bool rests = engine_.channels()[i]->rests_before_truth;
+      engine_.apply(Step::power_on(i, rests ? start_grid(i, origin_).begin : now + pause));
+      if (rests) engine_.apply(Step::start_samples(i));
     }
   }
   while (!ended_ && !stop_.load(std::memory_order_relaxed)) round();
@@ -202,19 +204,27 @@ void Loop::begin_run() noexcept {
   engine_.apply(Step::run(false));
   hosts_.touch_all();
   truths_since_advance_ = 0;
-  const auto start = [&](std::size_t i) {
-    engine_.apply(Step::set_clock(i, DeviceTime{truth.ns}, paced_ ? std::optional(begin) : std::nullopt));
-    engine_.apply(Step::start_samples(i));
-    schedule_.start(i, begin - origin_);
-  };
-  if (waits_for_truth_) {
+  if (waits_for_truth_)
     origin_ = begin;
-    for (std::size_t i = 0; i < engine_.channels().size(); ++i) start(i);
-  } else if (is_first) {
+  else if (is_first)
     first_truth_ = begin;
-    for (std::size_t i = 0; i < engine_.channels().size(); ++i)
-      if (!engine_.channels()[i]->rests_before_truth) start(i);
+  else
+    return;
+  const HostTime start = epoch_.start_from(begin);
+  for (std::size_t i = 0; i < engine_.channels().size(); ++i) {
+    if (!waits_for_truth_ && engine_.channels()[i]->rests_before_truth) continue;
+    const HostTime origin = start_grid(i, start).begin;
+    const DeviceTime zero = DeviceTime{truth.ns} + (origin - begin);
+    engine_.apply(Step::set_clock(i, zero, paced_ ? std::optional(origin) : std::nullopt));
+    engine_.apply(Step::start_samples(i));
   }
+}
+
+// Starts the schedule of the imu.
+EpochGrid::Placement Loop::start_grid(std::size_t imu, HostTime start) noexcept {
+  const EpochGrid::Placement placed = epoch_.place(imu, engine_.channels()[imu]->sensor.grid(), start);
+  schedule_.start(imu, placed.origin - origin_, placed.first);
+  return placed;
 }
 
 // Discards the truth before the newest, because the simulator's time has leapt: there is no motion between the two.
@@ -271,7 +281,7 @@ void Loop::transmit(HostTime now) noexcept {
   cycle_power_if_requested(now);
   pace_.transmit(due_, due_);
   if (!paced_) hosts_.serve_prepared(due_);
-  complete();
+  complete(now);
   if (paced_ && !waits_for_truth_ && !prepared_at_rest_)
     engine_.quality().age.add(std::max(0.0, seconds(due_ - newest_arrival_)));
 }
@@ -280,12 +290,30 @@ void Loop::skip(HostTime now) noexcept {
   sink_.set_time(now);
   cycle_power_if_requested(now);
   pace_.skip(due_);
-  complete();
+  complete(now);
 }
 
-void Loop::complete() noexcept {
-  for (const Channel* channel : engine_.prepared()) hosts_.touch(*channel);
+void Loop::complete(HostTime now) noexcept {
+  epoch_.update(now);
+  for (const Channel* channel : engine_.prepared()) {
+    follow_epoch(*channel);
+    hosts_.touch(*channel);
+  }
   engine_.complete();
+}
+
+// After a change of the epoch's clock the imu's next sample is on the grid by the changed clock. Its stamp and number
+// follow the last sample's, as a sensor's whose clock runs on.
+void Loop::follow_epoch(const Channel& channel) noexcept {
+  const std::size_t imu = channel.number;
+  const Schedule::Slot& next = schedule_.next(imu);
+  const DeviceClock& clock = channel.sensor.clock();
+  const Nanoseconds phase = channel.sensor.grid().phase();
+  const auto placed = epoch_.follow(imu, channel.sensor.grid(), next.index, origin_ + next.offset);
+  if (!placed) return;
+  schedule_.start(imu, placed->origin - origin_, placed->first);
+  engine_.apply(Step::set_clock(imu, clock.next_sample().value_or(DeviceTime{}) - phase, placed->begin));
+  engine_.apply(Step::start_samples(imu));
 }
 
 }  // namespace imud

@@ -4,6 +4,7 @@
 #include <atomic>
 #include <optional>
 
+#include "emulator/drive/epoch_grid.hpp"
 #include "emulator/drive/hosts.hpp"
 #include "emulator/drive/pace.hpp"
 #include "emulator/drive/pacer.hpp"
@@ -16,6 +17,7 @@ namespace imud {
 struct LoopOptions {
   PaceOptions pace;                  // where the host's clock paces
   std::optional<Nanoseconds> limit;  // of simulation time: the run of a capture ends there
+  Epoch epoch = Epoch::none;         // of the grids of samples; none unless the truth is live
 };
 
 // Drives an Engine by live truth or a capture, at the instants of a Pacer. One round does the first of these that is
@@ -24,7 +26,9 @@ struct LoopOptions {
 // thread.
 class Loop {
  public:
-  Loop(Engine& engine, Host& host, Pacer& pacer, const LoopOptions& options, const std::atomic<bool>& stop);
+  // `clock`: the counters of the epoch's clock.
+  Loop(Engine& engine, Host& host, Pacer& pacer, const LoopOptions& options, ClockCounters& clock,
+       const std::atomic<bool>& stop);
 
   // Returns within 20 ms after `stop` is set, and when the capture ends or reaches its limit.
   void run() noexcept;
@@ -49,6 +53,7 @@ class Loop {
   bool is_at_rest(HostTime instant) const noexcept { return !engine_.in_run() || instant < first_truth_; }
   bool is_prepared() const noexcept { return !engine_.prepared().empty(); }
   bool is_due() const noexcept { return is_prepared() && host_.now() >= due_ - pace_.spin(); }
+  EpochGrid::Placement start_grid(std::size_t imu, HostTime start) noexcept;
   void prepare() noexcept;
   void transmit(HostTime now) noexcept;
   void skip(HostTime now) noexcept;
@@ -66,7 +71,8 @@ class Loop {
   void change_pacing(const Command& command) noexcept;
 
   void send_all() noexcept;
-  void complete() noexcept;
+  void complete(HostTime now) noexcept;
+  void follow_epoch(const Channel& channel) noexcept;
   void wait(HostTime until) noexcept;
   void look(HostTime until) noexcept;
   void serve_all() noexcept;
@@ -83,6 +89,7 @@ class Loop {
   const bool paced_;            // by the host's clock
   const bool waits_for_truth_;  // samples wait for their truth; false: the sensors have power before the first truth
   Schedule schedule_;
+  EpochGrid epoch_;
   std::optional<Nanoseconds> limit_;  // for which truth is still sampled from the run's start on; nullopt: forever
   TruthTime run_start_;
   HostTime origin_;       // of the schedule

@@ -43,7 +43,10 @@ void Loop::execute(const Command& command, HostTime now) noexcept {
   if (reload == nullptr) return;
   for (const Command& change : reload->commands) change_pacing(change);
   for (const Reload::Sensor& sensor : reload->sensors)
-    if (sensor.grid) schedule_.change(sensor.channel, *sensor.grid);
+    if (sensor.grid) {
+      schedule_.change(sensor.channel, *sensor.grid);
+      epoch_.change(sensor.channel);
+    }
 }
 
 void Loop::change_pacing(const Command& command) noexcept {

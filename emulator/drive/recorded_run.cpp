@@ -252,6 +252,7 @@ void RecordedRun::execute(const RecordEvent& event) noexcept {
       if (!engine_->timeline().empty()) engine_->quality().resumed.count();
       [[fallthrough]];
     case Type::run:
+    case Type::set_clock:  // numbers the imu's samples from 0 again
       take_awaited(true);
       propose(event);
       break;

@@ -17,6 +17,8 @@ bool has_live_truth(const Config& config) noexcept {
   return config.clock == ClockMode::realtime && !is_capture(config.truth.port);
 }
 
+Epoch epoch_of(const Config& config) noexcept { return has_live_truth(config) ? config.realtime.epoch : Epoch::none; }
+
 std::vector<std::pair<std::string_view, std::string>> ports_of(const ImuConfig& imu) {
   std::vector<std::pair<std::string_view, std::string>> ports = {{"port", imu.port},
                                                                  {"second_port", imu.second_port}};

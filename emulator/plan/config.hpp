@@ -19,6 +19,7 @@
 #include "core/timeline.hpp"
 #include "emulator/ground/truth_bounds.hpp"
 #include "emulator/ground/words.hpp"
+#include "emulator/plan/epoch.hpp"
 #include "emulator/plan/expect_config.hpp"
 #include "emulator/plan/fault_config.hpp"
 #include "emulator/plan/line_load.hpp"
@@ -74,13 +75,14 @@ struct TruthConfig {
   Vector3 r_RB_B = Vector3::Zero();     // m; the point whose motion the truth gives. The imus' lever arms begin there
 };
 
-// The thread that samples, for ClockMode::realtime.
+// The thread that samples and its clock, for ClockMode::realtime.
 struct RealtimeConfig {
   int priority = 70;            // SCHED_FIFO; 0: an ordinary thread
   std::optional<unsigned> cpu;  // nullopt: any
   bool lock_memory = true;
   Nanoseconds spin{0};  // time for which the thread spins before each instant, not negative
   Nanoseconds skip_after = std::chrono::seconds(1);  // frames of samples later than this are not sent; positive
+  Epoch epoch = Epoch::none;                         // of the grids of samples, where the truth is live
 };
 
 struct ImuConfig {
@@ -163,5 +165,7 @@ struct ConfigError : std::runtime_error {
 bool is_capture(const std::string& truth_port) noexcept;
 // Returns true if the host's clock paces the run, and the truth port is none of these.
 bool has_live_truth(const Config& config) noexcept;
+// Returns the epoch of the grids of samples: none without live truth.
+Epoch epoch_of(const Config& config) noexcept;
 
 }  // namespace imud

@@ -183,6 +183,7 @@ class SimulatedRun {
   const ImuCounters& counters(std::size_t imu = 0) { return engine().channels()[imu]->counters; }
   const TruthCounters& truth_counters() { return engine().intake().counters(); }
   const TruthQuality& quality() { return engine().quality(); }
+  const ClockCounters& clock() const { return assembly_->clock(); }
   Engine& engine() { return assembly_->engine(); }
 
  private:

@@ -80,7 +80,8 @@ TEST_F(LiveTest, TheHotLoopAllocatesLocksAndLogsNothing) {
   std::thread sampler([&] {
     MonotonicHost host;
     HostPacer pacer(config.truth.clock, engine.timeline().limits(), engine.quality());
-    Loop loop(engine, host, pacer, {}, stop);
+    ClockCounters clock;
+    Loop loop(engine, host, pacer, {}, clock, stop);
     count_locks_of_this_thread();
     loop.run();
   });

@@ -84,14 +84,15 @@ TEST_F(ConfigTest, DefaultsAreTheContracts) {
   EXPECT_TRUE(c.realtime.lock_memory);
   EXPECT_EQ(c.realtime.spin.count(), 0);
   EXPECT_EQ(c.realtime.skip_after.count(), 1'000'000'000);
+  EXPECT_EQ(c.realtime.epoch, Epoch::none);
   EXPECT_EQ(c.imus[0].grid.offset(200).count(), 1'000'000'000);
 }
 
 TEST_F(ConfigTest, TimingKeysArrive) {
-  const Config c =
-      load(good, {"truth.delay_ms=auto", "truth.auto_delay_percent=95", "truth.when_stopped=silence",
-                  "realtime.priority=80", "realtime.cpu=0", "realtime.lock_memory=false", "realtime.spin_us=62.5",
-                  "realtime.skip_after_ms=250.5", "imu.0.clock_error_ppm=-50", "imu.0.phase_us=125.5"});
+  const Config c = load(good, {"truth.delay_ms=auto", "truth.auto_delay_percent=95", "truth.when_stopped=silence",
+                               "realtime.priority=80", "realtime.cpu=0", "realtime.lock_memory=false",
+                               "realtime.spin_us=62.5", "realtime.skip_after_ms=250.5", "realtime.epoch=tai",
+                               "imu.0.clock_error_ppm=-50", "imu.0.phase_us=125.5"});
   EXPECT_EQ(c.truth.clock.automatic_percent, 95.0);
   EXPECT_EQ(c.truth.when_stopped, WhenStopped::silence);
   EXPECT_EQ(c.realtime.priority, 80);
@@ -99,6 +100,9 @@ TEST_F(ConfigTest, TimingKeysArrive) {
   EXPECT_FALSE(c.realtime.lock_memory);
   EXPECT_EQ(c.realtime.spin.count(), 62'500);
   EXPECT_EQ(c.realtime.skip_after.count(), 250'500'000);
+  EXPECT_EQ(c.realtime.epoch, Epoch::tai);
+  EXPECT_EQ(epoch_of(c), Epoch::tai);
+  EXPECT_EQ(epoch_of(load(good, {"realtime.epoch=tai", "clock=lockstep", "truth.delay_ms=0"})), Epoch::none);
   EXPECT_EQ(c.imus[0].grid.nominal_offset(200).count(), 1'000'125'500);
   EXPECT_EQ(c.imus[0].grid.offset(200).count(), 1'000'050'003 + 125'500);  // 1 s / (1 - 5e-5)
   EXPECT_EQ(load(good, {"truth.delay_ms=auto"}).truth.clock.automatic_percent, 99.0);
@@ -439,6 +443,7 @@ TEST_F(ConfigTest, EachFaultNamesLineKeyAndRemedy) {
   EXPECT_NE(fault(good, {"realtime.priority=100"}).find("realtime.priority: "), std::string::npos);
   EXPECT_NE(fault(good, {"realtime.cpu=4096"}).find("realtime.cpu: "), std::string::npos);
   EXPECT_NE(fault(good, {"realtime.spin_us=1e6"}).find("realtime.spin_us: "), std::string::npos);
+  EXPECT_NE(fault(good, {"realtime.epoch=gps"}).find("realtime.epoch: "), std::string::npos);
   EXPECT_NE(fault(good, {"imu.0.clock_error_ppm=2e5"}).find("imu.0.clock_error_ppm: "), std::string::npos);
   EXPECT_NE(fault(good, {"imu.0.phase_us=-1"}).find("imu.0.phase_us: "), std::string::npos);
   EXPECT_NE(fault(good, {"rate_hz"}).find("give KEY=VALUE"), std::string::npos);
