@@ -245,6 +245,7 @@ RealtimeConfig read_realtime(TableReader table) {
   realtime.spin = nanoseconds(1e-6 * table.real("spin_us", 0.0, 0.0, 1000.0));
   realtime.skip_after = nanoseconds(1e-3 * table.real("skip_after_ms", 1000.0, 1.0, 3'600'000.0));
   realtime.epoch = table.choice<Epoch>("epoch", epoch_words, realtime.epoch);
+  realtime.allow_unsynchronised = table.flag("allow_unsynchronised", realtime.allow_unsynchronised);
   table.finish();
   return realtime;
 }

@@ -222,8 +222,10 @@ void Loop::begin_run() noexcept {
 
 // Starts the schedule of the imu.
 EpochGrid::Placement Loop::start_grid(std::size_t imu, HostTime start) noexcept {
-  const EpochGrid::Placement placed = epoch_.place(imu, engine_.channels()[imu]->sensor.grid(), start);
+  Channel& channel = *engine_.channels()[imu];
+  const EpochGrid::Placement placed = epoch_.place(imu, channel.sensor.grid(), start);
   schedule_.start(imu, placed.origin - origin_, placed.first);
+  if (placed.number > 0) channel.counters.first_k = static_cast<std::int64_t>(placed.number);
   return placed;
 }
 

@@ -148,6 +148,8 @@ struct ImuCounters : CounterGroup {
   // From the arrival of a host's bytes or frame, as the port has stamped it, to the end of the write of the answer.
   Durations reply{*this, "reply_us"};
   DeviceCounters device;
+  // The number of the first sample on the grid from the epoch; negative: it has none.
+  std::atomic<std::int64_t> first_k = -1;
   std::atomic<bool> has_power = true, is_paused = false;
   std::atomic<PortState> port_state = PortState::ready, second_port_state = PortState::ready;
   std::atomic<int> port_error = 0, second_port_error = 0;  // Port::error()
@@ -334,6 +336,7 @@ struct RunCounters {
   const RecordCounters* record = nullptr;                        // nullptr: nothing is recorded
   const FaultBook* faults = nullptr;                             // nullptr: there are none
   const ControlCounters* control = nullptr;                      // nullptr: nobody can control it
+  const ClockCounters* clock = nullptr;                          // nullptr: the grids have no epoch
 };
 
 // The numbers of a group at an instant, or their change in an interval, in the order of their declaration.

@@ -83,6 +83,7 @@ struct RealtimeConfig {
   Nanoseconds spin{0};  // time for which the thread spins before each instant, not negative
   Nanoseconds skip_after = std::chrono::seconds(1);  // frames of samples later than this are not sent; positive
   Epoch epoch = Epoch::none;                         // of the grids of samples, where the truth is live
+  bool allow_unsynchronised = false;                 // the epoch's clock need not be synchronised
 };
 
 struct ImuConfig {

@@ -37,7 +37,8 @@ Monitor::Monitor(RunCounters counters, const Config& config, const Options& opti
       edges_refused_(config.imus.size()),
       device_reported_(config.imus.size()),
       ports_(config.imus.size()),
-      second_ports_(config.imus.size()) {
+      second_ports_(config.imus.size()),
+      clock_(config.realtime, counters_.clock) {
   update_loads();
   last_quality_ = last_log_ = now();
 }
@@ -51,6 +52,7 @@ void Monitor::update_loads() {
 Summary Monitor::now() const {
   const HostTime now = host_now();
   Summary all = summarize(counters_, seconds(now - begin_), line_loads_);
+  all.clock = clock_.figures();
   if (!is_capture(config_.truth.port) && all.truth.counters[&TruthCounters::accepted] > 0)
     all.truth.since_newest_s = std::max(0.0, seconds(now - HostTime{counters_.truth->newest_ns}));
   return all;
@@ -66,6 +68,7 @@ void Monitor::report_news() {
   report_skipped();
   report_record();
   report_faults();
+  clock_.update(host_now());
 }
 
 void Monitor::update() {

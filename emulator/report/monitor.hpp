@@ -10,6 +10,7 @@
 #include "emulator/ground/speed_mismatch.hpp"
 #include "emulator/ground/text_file.hpp"
 #include "emulator/plan/config.hpp"
+#include "emulator/report/clock_watch.hpp"
 #include "emulator/report/pty_readers.hpp"
 #include "emulator/report/summary.hpp"
 #include "transports/host_clock.hpp"
@@ -105,6 +106,7 @@ class Monitor {
   std::vector<std::vector<bool>> device_reported_;  // by imu and DeviceCounter
   std::vector<ReportedPort> ports_, second_ports_;
   PtyReaders pty_readers_;
+  ClockWatch clock_;
 };
 
 }  // namespace imud

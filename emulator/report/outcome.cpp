@@ -114,6 +114,7 @@ void Outcome::judge_faults(std::vector<FaultOutcome> all, bool is_repeated) {
 void check_figures(std::span<const Requirement> requirements, const Config& config) {
   if (requirements.empty()) return;
   Summary names;
+  if (epoch_of(config) != Epoch::none) names.clock.emplace();
   for (const ImuConfig& imu : config.imus)
     names.imus.push_back({imu.name, {}, device_counts(DeviceCounters(imu.protocol->counters)), 0, {}});
   for (const Requirement& requirement : requirements)

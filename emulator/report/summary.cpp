@@ -37,6 +37,7 @@ Summary summarize(const RunCounters& counters, double duration_s, const std::vec
   for (std::size_t i = 0; i < counters.imus.size(); ++i) {
     const auto& [name, imu] = counters.imus[i];
     summary.imus.push_back({name, Snapshot(*imu), device_counts(imu->device), line_loads[i], {}});
+    if (const std::int64_t k = imu->first_k; k >= 0) summary.imus.back().first_k = static_cast<std::uint64_t>(k);
   }
   summary.has_record = counters.record != nullptr;
   if (summary.has_record) summary.record = Snapshot(*counters.record);
@@ -54,6 +55,7 @@ Summary Summary::since(const Summary& before) const {
   rest.truth.quality.subtract(before.truth.quality);
   rest.record.subtract(before.record);
   rest.control.subtract(before.control);
+  if (rest.clock && before.clock) rest.clock->counters.subtract(before.clock->counters);
   const auto accepted = static_cast<double>(rest.truth.counters[&TruthCounters::accepted]);
   rest.truth.rate_hz = rest.duration_s > 0 ? accepted / rest.duration_s : 0;
   for (std::size_t i = 0; i < rest.imus.size(); ++i) {
@@ -79,6 +81,7 @@ std::optional<std::uint64_t> count_of(const Snapshot<Group>& snapshot, std::stri
 
 std::optional<std::uint64_t> find_count(const Summary& summary, std::string_view name) {
   constexpr std::string_view truth = "truth.", refused = "refused.", record = "record.", control = "control.";
+  if (summary.clock && name.starts_with("clock.")) return find_count(*summary.clock, name);
   if (name.starts_with(record)) return count_of(summary.record, name.substr(record.size()));
   if (name.starts_with(control)) return count_of(summary.control, name.substr(control.size()));
   if (name == "truth.refused") return summary.truth.refused.total();
@@ -116,6 +119,7 @@ std::vector<std::string> count_names(const Summary& summary) {
   add("truth.", summary.truth.quality);
   add("record.", summary.record);
   add("control.", summary.control);
+  if (summary.clock) names.insert(names.end(), clock_count_names.begin(), clock_count_names.end());
   return names;
 }
 
@@ -248,6 +252,7 @@ std::string text(const Summary& s) {
     if (const DurationHistogram& replies = imu.counters[&ImuCounters::reply]; replies.count() > 0)
       out += fmt::format("; replies after {}", Percentiles(replies).text());
     if (imu.line_load_percent > 0) out += fmt::format("; line {:.1f} %", imu.line_load_percent);
+    if (imu.first_k) out += fmt::format("; first k {}", *imu.first_k);
     out += "\n";
     for (const DrawnTerms& drawn : imu.drawn) {
       std::vector<std::string> terms;
@@ -257,6 +262,7 @@ std::string text(const Summary& s) {
                          drawn.layer == "unit" ? "for the unit" : "at power on", fmt::join(terms, ", "));
     }
   }
+  if (s.clock) out += fmt::format("{:<8} {}\n", "clock", text(*s.clock));
   if (s.has_record) out += fmt::format("{:<8} {}\n", "record", counts_text(s.record, where));
   if (s.control.total() > 0) out += fmt::format("{:<8} {}\n", "control", counts_text(s.control, where));
   if (s.whole) out += text(s.whole->outcome);
@@ -284,6 +290,7 @@ std::string line(const Summary& s) {
   out += fmt::format("; {} {:.1f} Hz", s.imus.size() == 1 ? s.imus[0].name : fmt::format("{} imus", s.imus.size()),
                      s.duration_s > 0 ? static_cast<double>(samples) / s.duration_s : 0.0);
   if (paced) out += fmt::format(", late {}", lateness.text());
+  if (s.clock && s.clock->state) out += ", " + clock_error_text(*s.clock);
   out += fmt::format(", {}, extrapolated {:.1f} %", counts_text(sums, where),
                      100 * share(sums[&ImuCounters::extrapolated], samples));
   if (load > 0) out += fmt::format(", line {:.1f} %", load);
@@ -364,6 +371,7 @@ std::string json(const Summary& s, JsonLayout layout) {
     for (const DeviceCount& figure : imu.device) object[std::string(figure.key)] = figure.count;
     add_estimates(object, imu.counters);
     if (imu.line_load_percent > 0) object["line_load_percent"] = imu.line_load_percent;
+    if (imu.first_k) object["first_k"] = *imu.first_k;
     for (const DrawnTerms& drawn : imu.drawn)
       for (const auto& [name, values] : drawn.terms)
         object["drawn"][std::string(drawn.sensor)][std::string(drawn.layer)][name] = values;
@@ -372,6 +380,7 @@ std::string json(const Summary& s, JsonLayout layout) {
   if (s.whole) add(all, *s.whole);
   all["truth"] = truth;
   all["imus"] = imus;
+  if (s.clock) all["clock"] = json(*s.clock);
   if (s.has_record) add_counts(all["record"], s.record);
   if (s.has_control) add_counts(all["control"], s.control);
   return layout == JsonLayout::line ? all.dump() : all.dump(2) + "\n";

@@ -10,6 +10,7 @@
 
 #include "emulator/ground/counters.hpp"
 #include "emulator/ground/drawn_terms.hpp"
+#include "emulator/report/clock_watch.hpp"
 #include "emulator/report/outcome.hpp"
 
 namespace imud {
@@ -52,12 +53,15 @@ struct Summary {
     std::vector<DeviceCount> device;
     double line_load_percent = 0;   // 0: the line has no bit rate
     std::vector<DrawnTerms> drawn;  // in the summary of the whole run
+    // The number of the first sample on the grid from the epoch; nullopt: it has none.
+    std::optional<std::uint64_t> first_k = std::nullopt;
   };
   std::vector<Imu> imus;
   bool has_record = false;          // the run is recorded
   Snapshot<RecordCounters> record;  // its figures
   bool has_control = false;         // the run can be controlled
   Snapshot<ControlCounters> control;
+  std::optional<ClockFigures> clock;  // nullopt: the grids have no epoch
 
   // The whole run's only.
   struct Whole {

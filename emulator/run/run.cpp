@@ -74,12 +74,15 @@ bool drive(Assembly& assembly, const Config& config, const RunOptions& options, 
   return drain(assembly.engine(), realtime || stop ? 50ms : 2000ms);
 }
 
-RunCounters counters_of(Engine& engine, const RunControl& control, const Recorder* recorder) {
+RunCounters counters_of(Assembly& assembly, const Config& config, const RunControl& control,
+                        const Recorder* recorder) {
+  Engine& engine = assembly.engine();
   RunCounters counters{&engine.intake().counters(), &engine.quality(), {}, nullptr};
   if (engine.faults().capacity() > 0) counters.faults = &engine.faults();
   if (recorder != nullptr) counters.record = &recorder->counters();
   for (const auto& channel : engine.channels()) counters.imus.emplace_back(channel->name, &channel->counters);
   counters.control = &control.counters;
+  if (epoch_of(config) != Epoch::none) counters.clock = &assembly.clock();
   return counters;
 }
 
@@ -163,6 +166,9 @@ int run(const Config& config, const RunOptions& options) {
   check_figures(options.required, config);
   check_begins_by_host(config, options.repeats);
   check_outputs(config, options);
+  if (epoch_of(config) != Epoch::none)
+    if (const std::string fault = epoch_fault(config.realtime, read_clock_state()); !fault.empty())
+      throw OpenError(fault);
   asio::signal_set others(io, SIGUSR1, SIGUSR2, SIGHUP);
   TextFile summary_file(options.summary_file), labels_file(options.labels_file), junit_file(options.junit_file);
   // The file of a killed run must not look like the file of a whole run.
@@ -203,7 +209,7 @@ int run(const Config& config, const RunOptions& options) {
   Config named = config;  // as the log shall name its ports
   for (const auto& [key, port] : chosen)
     if (key == "truth.port") named.truth.port = port;
-  const RunCounters counters = counters_of(engine, control, recorder ? &*recorder : nullptr);
+  const RunCounters counters = counters_of(assembly, config, control, recorder ? &*recorder : nullptr);
   Monitor monitor(counters, named, options.monitor);
   bool has_data = has_data_on_stdout(config, options);
   const auto read = [&] {

@@ -95,6 +95,20 @@ std::string truth_line(const Json& counters) {
                      count(truth, "accepted"), count(truth, "lost"), refused.empty() ? "none" : refused);
 }
 
+std::string clock_line(const Json& counters) {
+  if (!counters.contains("clock")) return {};
+  const Json& clock = counters["clock"];
+  std::string line = fmt::format("grids on {}", text_of(clock, "epoch"));
+  if (clock.contains("synchronised"))
+    line += clock.value("synchronised", false) ? fmt::format(", clock error {} us", count(clock, "error_us"))
+                                               : std::string(", clock not synchronised");
+  line += fmt::format(", {} steps", count(clock, "steps"));
+  const Json none = Json::array();
+  for (const Json& imu : counters.contains("imus") ? counters["imus"] : none)
+    if (imu.contains("first_k")) line += fmt::format(", {} from k {}", text_of(imu, "name"), count(imu, "first_k"));
+  return line;
+}
+
 std::vector<std::string> fault_lines(const Json& status) {
   std::vector<std::string> lines;
   const Json none = Json::array();

@@ -24,6 +24,8 @@ std::string run_time_text(double duration_s);
 // `counters`: the figures to show, which have the layout of its member `counters`: of the whole run, or of an
 // interval.
 std::vector<std::string> imu_lines(const Json& status, const Json& counters);
+// Returns a line about the clock of the grids of samples; empty if they have no epoch.
+std::string clock_line(const Json& counters);
 // Returns a line about the truth of these figures.
 std::string truth_line(const Json& counters);
 // Returns a line for each fault that acts.

@@ -71,6 +71,7 @@ std::string text(const Found& found) {
       control - std::min<std::uint64_t>(control, 1), web);  // without this one
   out += fmt::format("  {}\n", truth_line(counters));
   for (const std::string& line : imu_lines(run, counters)) out += fmt::format("  {}\n", line);
+  if (const std::string line = clock_line(counters); !line.empty()) out += fmt::format("  {}\n", line);
   for (const std::string& line : fault_lines(run)) out += fmt::format("  {}\n", line);
   return out;
 }

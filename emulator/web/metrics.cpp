@@ -226,6 +226,16 @@ std::string metrics(const Summary& summary, MetricsFormat format) {
     text.gauge(prefix + "progress_ratio", *truth.progress, "how much of the capture has been read", "ratio");
 
   add_imus(text, summary);
+  if (const auto& clock = summary.clock) {
+    add_counters(text, "imud_clock_", clock->counters.declared(), {{"", &clock->counters}});
+    add_levels(text, "imud_clock_", clock->counters.declared(), {{"", &clock->counters}});
+    if (clock->state) {
+      text.gauge("imud_clock_synchronised", clock->state->is_synchronised ? 1 : 0,
+                 "1: the epoch's clock is synchronised");
+      text.gauge("imud_clock_error_seconds", 1e-6 * static_cast<double>(clock->state->error_us),
+                 "estimated error of the epoch's clock", "seconds");
+    }
+  }
   if (summary.has_record) add_counters(text, "imud_record_", summary.record.declared(), {{"", &summary.record}});
   if (summary.has_control) add_counters(text, "imud_control_", summary.control.declared(), {{"", &summary.control}});
   return text.finish();

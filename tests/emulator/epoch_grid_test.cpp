@@ -122,6 +122,7 @@ class EpochRun : public RecordTest {
 TEST_F(EpochRun, TheFirstSampleIsAfterAWholeSecond) {
   run(config(200, "", "phase_us = 700"), [](double) { return 0.25; });
   EXPECT_NEAR(host_s(0), 1.7507, tolerance_s);
+  EXPECT_EQ(run_->counters().first_k, (in_2026.count() / 1'000'000'000 + 2) * 200);
   EXPECT_NEAR(1e-9 * static_cast<double>(run_->left()[0].sample.time.ns), 0.7507, 10e-6) << "the simulation's time";
   EXPECT_NEAR(navigate(run_->left(), 0.7507)[100].time_s, 1.2507, 1e-4);
 

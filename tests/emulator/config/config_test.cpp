@@ -85,14 +85,16 @@ TEST_F(ConfigTest, DefaultsAreTheContracts) {
   EXPECT_EQ(c.realtime.spin.count(), 0);
   EXPECT_EQ(c.realtime.skip_after.count(), 1'000'000'000);
   EXPECT_EQ(c.realtime.epoch, Epoch::none);
+  EXPECT_FALSE(c.realtime.allow_unsynchronised);
   EXPECT_EQ(c.imus[0].grid.offset(200).count(), 1'000'000'000);
 }
 
 TEST_F(ConfigTest, TimingKeysArrive) {
-  const Config c = load(good, {"truth.delay_ms=auto", "truth.auto_delay_percent=95", "truth.when_stopped=silence",
-                               "realtime.priority=80", "realtime.cpu=0", "realtime.lock_memory=false",
-                               "realtime.spin_us=62.5", "realtime.skip_after_ms=250.5", "realtime.epoch=tai",
-                               "imu.0.clock_error_ppm=-50", "imu.0.phase_us=125.5"});
+  const Config c =
+      load(good, {"truth.delay_ms=auto", "truth.auto_delay_percent=95", "truth.when_stopped=silence",
+                  "realtime.priority=80", "realtime.cpu=0", "realtime.lock_memory=false", "realtime.spin_us=62.5",
+                  "realtime.skip_after_ms=250.5", "realtime.epoch=tai", "realtime.allow_unsynchronised=true",
+                  "imu.0.clock_error_ppm=-50", "imu.0.phase_us=125.5"});
   EXPECT_EQ(c.truth.clock.automatic_percent, 95.0);
   EXPECT_EQ(c.truth.when_stopped, WhenStopped::silence);
   EXPECT_EQ(c.realtime.priority, 80);
@@ -101,6 +103,7 @@ TEST_F(ConfigTest, TimingKeysArrive) {
   EXPECT_EQ(c.realtime.spin.count(), 62'500);
   EXPECT_EQ(c.realtime.skip_after.count(), 250'500'000);
   EXPECT_EQ(c.realtime.epoch, Epoch::tai);
+  EXPECT_TRUE(c.realtime.allow_unsynchronised);
   EXPECT_EQ(epoch_of(c), Epoch::tai);
   EXPECT_EQ(epoch_of(load(good, {"realtime.epoch=tai", "clock=lockstep", "truth.delay_ms=0"})), Epoch::none);
   EXPECT_EQ(c.imus[0].grid.nominal_offset(200).count(), 1'000'125'500);
