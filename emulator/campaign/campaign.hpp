@@ -56,6 +56,7 @@ struct Campaign {
   std::optional<CampaignTest> test;
   CampaignSlurm slurm;
   std::string sha256;  // of the plan's text, in hexadecimal
+  std::string build;   // of the imud that runs the cases: program_build()
 
   // Returns the product of the numbers of values, draws and seeds: 1 to most_cases.
   std::uint64_t cases() const noexcept;
@@ -89,10 +90,10 @@ Config config_of(const Campaign& campaign, const CampaignCase& c);
 Config load_case(const Campaign& campaign, const CampaignCase& c);
 
 // Returns the SHA-256, in hexadecimal, of all that acts on the bytes of a case: the value of every key, the content
-// of each file that the configuration names, the version of imud, and [test] as it is declared. Paths, the ports of
-// imus, which no case opens, and the keys [control] and [web] do not act on them. `config`: config_of() the case. The
-// digests of files are kept while the file's size and time of change stay. Throws OpenError if a file cannot be read.
-// Any thread may call it.
+// of each file that the configuration names, the version and the build of imud, and [test] as it is declared. Paths,
+// the ports of imus, which no case opens, and the keys [control] and [web] do not act on them. `config`: config_of()
+// the case. The digests of files are kept while the file's size and time of change stay. Throws OpenError if a file
+// cannot be read. Any thread may call it.
 std::string identity_of(const Campaign& campaign, const Config& config);
 std::string identity_of(const Campaign& campaign, const CampaignCase& c);
 // Returns what the identities of cases that differ in the seed alone have in common; and the identity of one of them.

@@ -40,7 +40,7 @@ std::string text_of_plan(const std::string& path) {
 }
 
 CampaignDescription description_of(const Campaign& campaign) {
-  return {campaign.file, campaign.sha256, campaign.cases(), batch_of(campaign), IMUD_VERSION};
+  return {campaign.file, campaign.sha256, campaign.cases(), batch_of(campaign), IMUD_VERSION, campaign.build};
 }
 
 // Returns about how many bytes a row has.

@@ -7,6 +7,7 @@
 #include <system_error>
 #include <utility>
 
+#include "emulator/campaign/shards/program_build.hpp"
 #include "emulator/ground/progress_line.hpp"
 #include "emulator/ground/text_file.hpp"
 
@@ -32,9 +33,15 @@ std::optional<double> time_left_s(std::vector<ShardEnd> ends, std::uint64_t miss
   return span.count() * static_cast<double>(missing) / static_cast<double>(cases);
 }
 
+std::string difference_of_this_imud(const CampaignDescription& campaign) {
+  return campaign.difference_of_imud(IMUD_VERSION, program_build());
+}
+
 nlohmann::ordered_json json_of(const CampaignStatus& status, const CampaignDescription& campaign) {
   nlohmann::ordered_json json = {{"plan", campaign.plan},
                                  {"version", campaign.version},
+                                 {"build", campaign.build},
+                                 {"is_of_this_imud", difference_of_this_imud(campaign).empty()},
                                  {"cases", campaign.cases},
                                  {"cases_done", status.cases_done},
                                  {"failed", status.failed},
@@ -58,6 +65,8 @@ std::string text_of(const CampaignStatus& status, const CampaignDescription& cam
       "expectations, {} otherwise incomplete\n",
       campaign.plan, status.shards_whole, status.shards, status.cases_done, campaign.cases, status.failed,
       status.expectations_failed, status.incomplete);
+  if (const std::string difference = difference_of_this_imud(campaign); !difference.empty())
+    text += fmt::format("imud     {}: go on with that imud, or run the plan into another folder\n", difference);
   for (const std::string& damaged : status.damaged) text += fmt::format("damaged  {}\n", damaged);
   for (const TemporaryFile& file : status.running)
     text += fmt::format("running  process {} of {}, cases {}\n", file.process, file.host, file.name);

@@ -97,7 +97,7 @@ std::string identity_without_seed(const Campaign& campaign, const Config& config
   all.erase("web");
   all.erase("seed");
   replace_paths(all, "", false);
-  std::string text = fmt::format("imud {}\n{}", IMUD_VERSION, toml_text(std::move(all)));
+  std::string text = fmt::format("imud {} {}\n{}", IMUD_VERSION, campaign.build, toml_text(std::move(all)));
   if (campaign.test)
     text +=
         fmt::format("test {} {}\n{}\n", campaign.test->time_limit_s, campaign.test->settle_s, campaign.test->command);

@@ -11,6 +11,7 @@
 
 #include "emulator/campaign/axes.hpp"
 #include "emulator/campaign/campaign.hpp"
+#include "emulator/campaign/shards/program_build.hpp"
 #include "emulator/config/config_text.hpp"
 
 namespace imud {
@@ -210,6 +211,7 @@ Campaign read_campaign(const std::string& path) {
   Campaign campaign;
   campaign.file = std::filesystem::absolute(path).lexically_normal().string();
   campaign.sha256 = text.sha256;
+  campaign.build = program_build();
   if (!is_utf8(campaign.file))
     throw ConfigError({fmt::format("{}: its path must be UTF-8, as the results have it; rename the folder", path)});
   const std::string folder = std::filesystem::path(campaign.file).parent_path().string();

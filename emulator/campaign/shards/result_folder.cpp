@@ -32,7 +32,8 @@ std::string text_of(const CampaignDescription& campaign, const std::filesystem::
                {"plan_sha256", campaign.plan_sha256},
                {"cases", campaign.cases},
                {"batch", campaign.batch},
-               {"version", campaign.version}})
+               {"version", campaign.version},
+               {"build", campaign.build}})
              .dump(1, ' ', false, Json::error_handler_t::replace) +
          "\n";
 }
@@ -71,6 +72,14 @@ std::string first_difference(const std::string& there, const std::string& here) 
 CaseRange CampaignDescription::shard_of(std::uint64_t index) const noexcept {
   const std::uint64_t first = index / batch * batch;
   return {first, std::min(first + batch, cases) - 1};
+}
+
+std::string CampaignDescription::difference_of_imud(const std::string& other_version,
+                                                    const std::string& other_build) const {
+  if (version != other_version) return fmt::format("imud is {} there and {} here", version, other_version);
+  if (build == other_build) return {};
+  return fmt::format("imud {} is {} there and build {} here", version,
+                     build.empty() ? "of a build that is not stored" : "build " + build, other_build);
 }
 
 ResultFolder::ResultFolder(const std::filesystem::path& path) : path_(path) { read_description(); }
@@ -114,13 +123,14 @@ void ResultFolder::require_same(const CampaignDescription& campaign, std::string
     differences.push_back(::access(copy.c_str(), F_OK) != 0
                               ? fmt::format("the plan is another one ({} is missing there)", copy.string())
                               : first_difference(content_of(copy), std::string(plan_text)));
-  if (campaign_.version != campaign.version)
-    differences.push_back(fmt::format("imud is {} there and {} here", campaign_.version, campaign.version));
   if (campaign_.plan_sha256 == campaign.plan_sha256 && campaign_.cases != campaign.cases)
     differences.push_back(fmt::format("there are {} cases there and {} here", campaign_.cases, campaign.cases));
+  const std::string of_imud = campaign_.difference_of_imud(campaign.version, campaign.build);
+  const bool is_imud_alone = differences.empty();
+  if (!of_imud.empty()) differences.push_back(of_imud);
   if (!differences.empty())
-    throw OpenError(fmt::format("{}: has the results of another campaign: {}; give another folder", path_.string(),
-                                fmt::join(differences, "; ")));
+    throw OpenError(fmt::format("{}: has the results of another campaign: {}; {}give another folder", path_.string(),
+                                fmt::join(differences, "; "), is_imud_alone ? "go on with that imud, or " : ""));
 }
 
 void ResultFolder::read_description() {
@@ -131,8 +141,13 @@ void ResultFolder::read_description() {
   try {
     const Json json = Json::parse(content_of(file));
     if (json.at("campaign") != 1) throw OpenError(fmt::format("{}: is of another version of imud", file.string()));
-    campaign_ = {json.at("plan"),  json.at("plan_sha256"), json.at("cases"),
-                 json.at("batch"), json.at("version"),     json.value("plan_from_folder", "")};
+    campaign_ = {json.at("plan"),
+                 json.at("plan_sha256"),
+                 json.at("cases"),
+                 json.at("batch"),
+                 json.at("version"),
+                 json.value("build", ""),
+                 json.value("plan_from_folder", "")};
   } catch (const nlohmann::json::exception&) {
     throw OpenError(fmt::format("{}: is damaged; give another folder", file.string()));
   }
@@ -188,7 +203,7 @@ bool ResultFolder::has(const CaseRange& shard) const {
 std::optional<Shard> ResultFolder::read(const CaseRange& shard, std::string& fault) const {
   std::optional<Shard> read = read_shard(shards_path() / shard_name(shard), fault);
   if (read && read->head != campaign_.head(shard)) {
-    fault = "is of another plan or another version of imud";
+    fault = "is of another plan or another build of imud";
     return std::nullopt;
   }
   for (std::size_t i = 0; read && i < read->rows.size(); ++i) try {

@@ -22,6 +22,7 @@ struct CampaignDescription {
   std::uint64_t cases = 0;
   std::uint64_t batch = 1;            // cases of a shard; the last shard may have fewer
   std::string version;                // of imud
+  std::string build = {};             // of imud; empty in a folder of an imud that did not store it
   std::string plan_from_folder = {};  // the plan's path relative to the folder; empty if there is none
 
   // Returns the shard that has a case.
@@ -29,7 +30,10 @@ struct CampaignDescription {
   std::uint64_t shards() const noexcept { return (cases + batch - 1) / batch; }
   // Returns the cases of the shard of that number.
   CaseRange shard(std::uint64_t number) const noexcept { return shard_of(number * batch); }
-  ShardHead head(const CaseRange& shard) const { return {plan_sha256, version, shard}; }
+  // Returns how the imud of the results differs from another one: "imud is 0.1.0 there and 0.2.0 here", or the builds
+  // of one version; empty if it is the same.
+  std::string difference_of_imud(const std::string& other_version, const std::string& other_build) const;
+  ShardHead head(const CaseRange& shard) const { return {plan_sha256, version, build, shard}; }
 };
 
 class ResultFolder {

@@ -77,6 +77,7 @@ std::string header_of(const ShardHead& head) {
   return Json({{"campaign", 1},
                {"plan", head.plan},
                {"version", head.version},
+               {"build", head.build},
                {"first", head.cases.first},
                {"last", head.cases.last}})
       .dump();
@@ -96,7 +97,8 @@ std::optional<ShardHead> head_in(const std::string& line) {
   try {
     const Json object = object_in(line);
     if (object.at("campaign") != 1) return std::nullopt;
-    return ShardHead{object.at("plan"), object.at("version"), {object.at("first"), object.at("last")}};
+    return ShardHead{
+        object.at("plan"), object.at("version"), object.value("build", ""), {object.at("first"), object.at("last")}};
   } catch (const nlohmann::json::exception&) {
     return std::nullopt;
   }

@@ -29,6 +29,7 @@ struct CaseRange {
 struct ShardHead {
   std::string plan;     // the SHA-256 of the plan's text
   std::string version;  // of imud
+  std::string build;    // of imud; empty in a shard of an imud that did not store it
   CaseRange cases;
   friend bool operator==(const ShardHead&, const ShardHead&) = default;
 };

@@ -95,7 +95,7 @@ TEST_F(CampaignFolders, RowsThatStayAreReadWhenTheirShardBegins) {
   change_row("runs", {4, 7}, 0, lost);
   change_row("runs", {4, 7}, 3, lost);
   const ResultFolder folder(path("runs"));
-  const MissingCases missing(folder, {0, 7}, read_campaign(path("plan.toml")));
+  const MissingCases missing(folder, {0, 7}, campaign_by_imud("runs"));
   ASSERT_EQ(missing.items(), 2U);
   EXPECT_EQ(missing.case_of(0), 4U);
   EXPECT_EQ(missing.case_of(1), 7U);
@@ -107,10 +107,12 @@ TEST_F(CampaignFolders, RowsThatStayAreReadWhenTheirShardBegins) {
 
 // A campaign that does not fit is refused, as no shard of it is there yet.
 TEST_F(CampaignFolders, WhatDoesNotFitIsNotResumed) {
+  plan("seeds = 1\n");
+  ASSERT_EQ(run("one").exit_code, 0);
   plan(
       "seeds = \"1..10000000\"\nbatch = 1000000\n[axes]\nimu.imu1.gyro.bias_deg_per_s = {from = 0, to = 1, count = "
       "100}\n");
-  open_result_folder(path("runs"), read_campaign(path("plan.toml")));
+  open_result_folder(path("runs"), campaign_by_imud("one"));
   expect_refused(resume("runs"), "1000000000 cases write about ");
 }
 

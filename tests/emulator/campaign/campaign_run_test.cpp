@@ -118,13 +118,14 @@ TEST_F(CampaignRuns, RowsDoNotDependOnProcessesAndPieces) {
                   {"plan_sha256", sha256_of(read_file(path("plan.toml")))},
                   {"cases", 24},
                   {"batch", 4},
-                  {"version", IMUD_VERSION}}));
+                  {"version", IMUD_VERSION},
+                  {"build", build_of("one")}}));
 }
 
 TEST_F(CampaignRuns, ConfigurationsOfOtherSeedsAreThoseOfThePlan) {
   small_plan();
   ASSERT_EQ(run("runs", {"--jobs", "1"}).exit_code, 0);
-  const Campaign campaign = read_campaign(path("plan.toml"));
+  const Campaign campaign = campaign_by_imud("runs");
   for (const Json& row : rows("runs"))
     EXPECT_EQ(row["identity"], identity_of(campaign, case_of(campaign, row["case"]))) << row["case"];
 }

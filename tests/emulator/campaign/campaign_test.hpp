@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "emulator/campaign/campaign.hpp"
+#include "emulator/campaign/shards/result_folder.hpp"
 #include "tests/emulator/campaign/expect_parts.hpp"
 #include "tests/emulator/run/run_test.hpp"
 #include "tests/support/text.hpp"
@@ -80,6 +81,14 @@ class CampaignWithResults : public CampaignFolder {
   ProgramResult status(const std::string& folder, std::vector<std::string> more = {}) const {
     more.insert(more.begin(), {"campaign", "status", path(folder)});
     return run_program("imud", more);
+  }
+  // Return the build of the imud that has run a folder; and the plan as that imud reads it, which is not this
+  // program.
+  std::string build_of(const std::string& folder) const { return ResultFolder(path(folder)).campaign().build; }
+  Campaign campaign_by_imud(const std::string& folder) const {
+    Campaign campaign = read_campaign(path("plan.toml"));
+    campaign.build = build_of(folder);
+    return campaign;
   }
   // Returns the content of each file of the shards by its name.
   std::map<std::string, std::string> shards(const std::string& folder) const {

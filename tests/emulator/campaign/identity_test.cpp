@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <set>
 
+#include "emulator/campaign/shards/program_build.hpp"
 #include "tests/emulator/campaign/campaign_test.hpp"
 
 namespace imud {
@@ -50,6 +51,14 @@ TEST_F(CampaignIdentity, EachInputChangesIt) {
   EXPECT_FALSE(is_new(identity(plan)));
   write("truth.csv", truth_rows + "210000000,0,0,0,0,0,0,0,0,-9.8\n");
   EXPECT_TRUE(is_new(identity(plan)));
+}
+
+TEST_F(CampaignIdentity, TheBuildOfImudChangesIt) {
+  Campaign campaign = read(plan);
+  EXPECT_EQ(campaign.build, program_build());
+  const std::string before = identity_of(campaign, case_of(campaign, 0));
+  campaign.build += "0";
+  EXPECT_NE(identity_of(campaign, case_of(campaign, 0)), before);
 }
 
 // No case opens the port of an imu, and a model is no file.

@@ -32,7 +32,7 @@ class Shards : public testing::Test {
 
   // Writes a shard of three rows, and returns its path.
   std::filesystem::path write_three() const {
-    const ShardHead head{"abc", "1.2", {3, 5}};
+    const ShardHead head{"abc", "1.2", "b1", {3, 5}};
     ShardWriter writer(folder_, head);
     for (std::uint64_t i = head.cases.first; i <= head.cases.last; ++i) writer.add(fmt::format("{{\"case\":{}}}", i));
     writer.commit();
@@ -58,7 +58,7 @@ TEST_F(Shards, AreReadAsTheyAreWritten) {
   std::string fault;
   const std::optional<Shard> shard = read_shard(path, fault);
   ASSERT_TRUE(shard) << fault;
-  EXPECT_EQ(shard->head, (ShardHead{"abc", "1.2", {3, 5}}));
+  EXPECT_EQ(shard->head, (ShardHead{"abc", "1.2", "b1", {3, 5}}));
   EXPECT_EQ(shard->rows, (std::vector<std::string>{"{\"case\":3}", "{\"case\":4}", "{\"case\":5}"}));
   EXPECT_EQ(names(), std::vector<std::string>{"000000003-000000005.jsonl"});
   // As another program would check it: the footer is the SHA-256 of the bytes before it.
@@ -101,7 +101,7 @@ TEST_F(Shards, AreNotReadUnderTheNameOfOtherCases) {
 
 TEST_F(Shards, AWriterThatEndsEarlyLeavesNothing) {
   {
-    ShardWriter writer(folder_, {"abc", "1.2", {0, 1}});
+    ShardWriter writer(folder_, {"abc", "1.2", "b1", {0, 1}});
     writer.add("{}");
     ASSERT_EQ(names().size(), 1U);
     EXPECT_TRUE(TemporaryFile::parse(names().front())) << names().front();
@@ -119,7 +119,7 @@ TEST_F(Shards, AFailedWriteIsNamed) {
   std::string fault;
   ::setrlimit(RLIMIT_FSIZE, &small);
   try {
-    ShardWriter writer(folder_, {"abc", "1.2", {0, 99}});
+    ShardWriter writer(folder_, {"abc", "1.2", "b1", {0, 99}});
     for (int i = 0; i < 100; ++i) writer.add(std::string(100, ' '));
     writer.commit();
   } catch (const std::runtime_error& error) {
@@ -181,7 +181,7 @@ TEST_F(Shards, AFileIsWrittenOnce) {
 }
 
 TEST_F(Shards, TheFolderOfAnotherCampaignIsRefused) {
-  const CampaignDescription campaign{"/a/plan.toml", "abc", 100, 10, "1.2"};
+  const CampaignDescription campaign{"/a/plan.toml", "abc", 100, 10, "1.2", "b1"};
   const ResultFolder made(folder_, campaign, "seeds = 1\nbatch = 2\n");
   EXPECT_EQ(made.campaign().shard_of(99), (CaseRange{90, 99}));
   EXPECT_EQ(ResultFolder(folder_).campaign().plan, "/a/plan.toml");
@@ -202,7 +202,14 @@ TEST_F(Shards, TheFolderOfAnotherCampaignIsRefused) {
                        "line 2 of the plan is `batch = 2` there and `batch = 3` here"));
   other = campaign;
   other.version = "1.3";
-  EXPECT_TRUE(contains(refusal(other, "seeds = 1\nbatch = 2\n"), "imud is 1.2 there and 1.3 here"));
+  EXPECT_TRUE(contains(refusal(other, "seeds = 1\nbatch = 2\n"),
+                       "imud is 1.2 there and 1.3 here; go on with that imud, or give another"));
+  other = campaign;
+  other.build = "b2";
+  EXPECT_TRUE(contains(refusal(other, "seeds = 1\nbatch = 2\n"), "imud 1.2 is build b1 there and build b2 here"));
+  other.build.clear();
+  EXPECT_EQ(other.difference_of_imud("1.2", "b2"),
+            "imud 1.2 is of a build that is not stored there and build b2 here");
 }
 
 TEST(Sha256Stream, IsTheSameByBothLibraries) {
