@@ -218,7 +218,7 @@ int run_missing(const ResultFolder& folder, const Campaign& campaign, CaseRunner
   ProgressLine progress(!options.quiet);
   const unsigned jobs = options.jobs > 0 ? options.jobs : std::max(1U, std::thread::hardware_concurrency());
   int exit_code = missing.kept().exit_code;
-  std::uint64_t failed = 0, incomplete = missing.kept().incomplete;
+  std::uint64_t failed = 0, incomplete = missing.kept().incomplete, short_cases = 0;
   const auto take = [&](std::uint64_t item, std::string row) {
     constexpr std::uint64_t most_logged = 10;
     const RowResult result(row);
@@ -227,6 +227,8 @@ int run_missing(const ResultFolder& folder, const Campaign& campaign, CaseRunner
       spdlog::error("case {}: {}", missing.case_of(item), result.error);
     else if (result.exit_code != 0)
       ++incomplete;
+    if (!result.shortfall.empty() && ++short_cases <= most_logged)
+      spdlog::warn("case {}: {}", missing.case_of(item), result.shortfall);
     shards.take(item, std::move(row));
   };
   const auto leave = [&](std::uint64_t item) {

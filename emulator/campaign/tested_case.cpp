@@ -5,9 +5,11 @@
 #include <algorithm>
 #include <chrono>
 #include <fstream>
+#include <iterator>
 #include <optional>
 #include <thread>
 
+#include "emulator/campaign/cases/test_metrics.hpp"
 #include "transports/port.hpp"
 
 namespace imud {
@@ -65,12 +67,13 @@ nlohmann::ordered_json TestedCase::end(const std::atomic<bool>& stop, std::vecto
     shortfalls.push_back(fmt::format("the test has ended with {}", end.exit_code));
   nlohmann::ordered_json test = {
       {"exit_code", end.exit_code}, {"timed_out", end.is_timed_out}, {"metrics", nlohmann::ordered_json::object()}};
-  if (std::ifstream file(command_.scratch() / "metrics.json"); file) {
-    nlohmann::ordered_json metrics = nlohmann::ordered_json::parse(file, nullptr, false);
-    if (metrics.is_object())
+  if (std::ifstream file(command_.scratch() / "metrics.json", std::ios::binary); file) {
+    std::string fault;
+    nlohmann::ordered_json metrics = read_metrics({std::istreambuf_iterator<char>(file), {}}, fault);
+    if (fault.empty())
       test["metrics"] = std::move(metrics);
     else
-      shortfalls.emplace_back("the metrics of the test are no JSON object");
+      shortfalls.push_back(fmt::format("the metrics of the test: {}", fault));
   }
   return test;
 }

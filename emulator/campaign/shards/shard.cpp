@@ -124,6 +124,9 @@ RowResult::RowResult(std::string_view row) {
     expectation_failed = expectation_failed || holds == false;
   could_not_be_run = !json.at("error").is_null();
   if (could_not_be_run) error = json.at("error");
+  if (const auto all = json.find("shortfalls");
+      all != json.end() && all->is_array() && !all->empty() && !could_not_be_run)
+    shortfall = all->front().get<std::string>();
 }
 
 std::string shard_name(const CaseRange& cases) {

@@ -45,6 +45,7 @@ struct RowResult {
   bool could_not_be_run = false;    // it has an `error`
   bool expectation_failed = false;  // one of them
   std::string error = {};
+  std::string shortfall = {};  // the first one, of a case that was run
 
   // `row` is of a shard that is whole, or of a case that was run. Throws nlohmann::json::exception for other texts.
   explicit RowResult(std::string_view row);

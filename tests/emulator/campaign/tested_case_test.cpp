@@ -13,6 +13,7 @@
 #include <thread>
 #include <vector>
 
+#include "emulator/campaign/cases/test_metrics.hpp"
 #include "emulator/campaign/shards/result_folder.hpp"
 #include "tests/emulator/campaign/campaign_test.hpp"
 #include "tests/support/text.hpp"
@@ -60,11 +61,44 @@ TEST_F(TestedCases, AFailureIsAShortfall) {
   for (std::size_t i = 0; i < all.size(); ++i) {
     std::vector<std::string> shortfalls;
     if (i >= 2) shortfalls.emplace_back("the test has ended with 1");
-    shortfalls.emplace_back("the metrics of the test are no JSON object");
+    shortfalls.emplace_back(
+        "the metrics of the test: line 1: is a JSON number; write a JSON object, such as {\"error_deg\": 0.1}");
     EXPECT_EQ(all[i]["shortfalls"], Json(shortfalls));
     EXPECT_EQ(all[i]["exit_code"], 3);
     EXPECT_EQ(all[i]["test"]["exit_code"], i < 2 ? 0 : 1);
   }
+}
+
+TEST_F(TestedCases, MetricsThatAreNoJsonAreNamedWithTheirPlace) {
+  const ProgramResult done = run("runs", R"(cat {port} > /dev/null; printf '{"b": {seed},\n "a": NaN}' > {metrics})");
+  EXPECT_EQ(done.exit_code, 3);
+  const std::string fault =
+      "the metrics of the test: line 2, column 7: `NaN` is no value of JSON; write null, or leave it out";
+  EXPECT_EQ(rows("runs").at(2)["shortfalls"], Json({fault}));
+  EXPECT_TRUE(contains(done.errors, "case 2: " + fault)) << done.errors;
+}
+
+TEST(TestMetrics, FaultsHaveTheirPlaceAndTheRemedy) {
+  const auto fault_of = [](const std::string& text) {
+    std::string fault;
+    const auto metrics = read_metrics(text, fault);
+    EXPECT_EQ(fault.empty(), metrics.is_object()) << text;
+    return fault;
+  };
+  EXPECT_EQ(fault_of("{\"a\": 1, \"b\": null}\n"), "");
+  const std::string nan = "is no value of JSON; write null, or leave it out",
+                    remedy = "; write a JSON object, such as {\"error_deg\": 0.1}";
+  EXPECT_EQ(fault_of("{\"a\": -nan}"), "line 1, column 7: `-nan` " + nan);
+  EXPECT_EQ(fault_of("{\"a\": 1,\n\n \"b\": [0, -Infinity]}"), "line 3, column 11: `-Infinity` " + nan);
+  EXPECT_EQ(fault_of("nan"), "line 1, column 1: `nan` " + nan);
+  EXPECT_EQ(fault_of("{\"a\":\n1e999}"),
+            "line 2, column 1: `1e999` is beyond the range of a double; write null, or leave it out");
+  EXPECT_EQ(fault_of("[1]"), "line 1: is a JSON array" + remedy);
+  EXPECT_TRUE(contains(fault_of(""), "line 1, column 1: syntax error while parsing value - unexpected end of input"));
+  EXPECT_EQ(
+      fault_of("{'a': 1}"),
+      "line 1, column 2: syntax error while parsing object key - invalid literal; expected string literal" + remedy);
+  EXPECT_TRUE(fault_of("{\"a\": 1").ends_with("expected '}'" + remedy)) << fault_of("{\"a\": 1");
 }
 
 // The command does not end, nor does a process that it has started.
