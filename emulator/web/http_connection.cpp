@@ -10,7 +10,6 @@
 #include <string_view>
 #include <utility>
 
-#include "emulator/web/page_files.hpp"
 #include "emulator/web/web_server.hpp"
 
 namespace imud {
@@ -48,7 +47,7 @@ std::string_view path_of(const Request& request) {
   return target.substr(0, target.find('?'));
 }
 
-constexpr std::string_view api_path = "/api", metrics_path = "/metrics";
+constexpr std::string_view api_path = "/api";
 
 }  // namespace
 
@@ -95,7 +94,7 @@ void HttpConnection::respond(const Request& request) {
     content_.counters->connections_refused.count();
     return write(std::move(*refused));
   }
-  if (path_of(request) == api_path && content_.api) {
+  if (path_of(request) == api_path && content_.site.api) {
     if (beast::websocket::is_upgrade(request)) return upgrade(request);
     if (request.method() == http::verb::post) return call(request);
     Response wrong =
@@ -129,14 +128,13 @@ std::optional<Response> HttpConnection::refusal(const Request& request) const {
 Response HttpConnection::get(const Request& request) const {
   const std::string_view path = path_of(request);
   Response found;
-  if (path == metrics_path) {
-    const MetricsFormat format = metrics_format(view(request[http::field::accept]));
-    found = response(request, http::status::ok, media_type(format), content_.metrics(format));
+  const WebSite& site = content_.site;
+  if (std::optional<WebDocument> document = site.document(path, view(request[http::field::accept]))) {
+    found = response(request, http::status::ok, document->type, std::move(document->text));
     found.set(http::field::vary, "Accept");
   } else {
-    const auto files = page_files();
-    const auto file = std::ranges::find_if(files, [&](const PageFile& f) { return f.path == path; });
-    if (file == files.end()) return fault(request, http::status::not_found, "there is /, /metrics and /api");
+    const auto file = std::ranges::find_if(site.files, [&](const PageFile& f) { return f.path == path; });
+    if (file == site.files.end()) return fault(request, http::status::not_found, site.summary);
     found = response(request, http::status::ok, file->type, std::string(file->content));
   }
   if (request.method() == http::verb::head) found.body().clear();  // Content-Length stays
@@ -156,14 +154,14 @@ void HttpConnection::call(const Request& request) {
     const auto status = text.empty() ? http::status::no_content : http::status::ok;
     self->write(response(request, status, "application/json", std::move(text)));
   };
-  content_.api(request.body(), answer, nullptr);
+  content_.site.api(request.body(), answer, nullptr);
 }
 
 void HttpConnection::upgrade(const Request& request) {
   const auto socket = std::make_shared<WebSocket>(std::move(stream_), guard_, *content_.counters);
   content_.sockets.remove_if([](const std::weak_ptr<WebSocket>& other) { return other.expired(); });
   content_.sockets.push_back(socket);
-  socket->start(request, content_.api);
+  socket->start(request, content_.site.api);
 }
 
 void HttpConnection::write(Response response) {

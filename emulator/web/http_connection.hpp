@@ -7,7 +7,6 @@
 #include <boost/beast/http/message.hpp>
 #include <boost/beast/http/parser.hpp>
 #include <boost/beast/http/string_body.hpp>
-#include <functional>
 #include <list>
 #include <memory>
 #include <optional>
@@ -15,9 +14,8 @@
 #include <string>
 #include <vector>
 
-#include "emulator/web/metrics.hpp"
 #include "emulator/web/web_access.hpp"
-#include "emulator/web/web_api.hpp"
+#include "emulator/web/web_site.hpp"
 #include "emulator/web/web_socket.hpp"
 
 namespace imud {
@@ -28,8 +26,7 @@ class HttpConnection;
 struct WebContent {
   std::string machine;            // the name of this machine
   std::optional<WebToken> token;  // nullopt: none is asked for
-  WebApi api;
-  std::function<std::string(MetricsFormat)> metrics;
+  WebSite site;
   ControlCounters* counters = nullptr;
   std::list<std::weak_ptr<WebSocket>> sockets;
   std::set<std::shared_ptr<HttpConnection>> calls;  // connections that wait for an answer

@@ -33,7 +33,7 @@ tcp::endpoint endpoint_of(const std::string& listen) {
 
 class WebServer::Impl {
  public:
-  Impl(asio::io_context& io, const WebConfig& config) : acceptor_(io), retry_(io) {
+  Impl(asio::io_context& io, const WebConfig& config, const std::string& key) : acceptor_(io), retry_(io) {
     content_.machine = machine_name();
     if (!config.token_file.empty()) content_.token.emplace(Token::read_secret(config.token_file));
     try {
@@ -43,7 +43,7 @@ class WebServer::Impl {
       acceptor_.bind(endpoint);
       acceptor_.listen();
     } catch (const boost::system::system_error& error) {
-      throw PortError(fmt::format("web.listen: {}: {}", config.listen, error.code().message()));
+      throw PortError(fmt::format("{}: {}: {}", key, config.listen, error.code().message()));
     }
   }
   ~Impl() {
@@ -61,10 +61,9 @@ class WebServer::Impl {
 
   std::size_t connections() const noexcept { return static_cast<std::size_t>(open_.use_count() - 1); }
 
-  void serve(WebApi api, std::function<std::string(MetricsFormat)> metrics, ControlCounters& counters) {
-    content_.api = std::move(api);
+  void serve(WebSite site, ControlCounters& counters) {
+    content_.site = std::move(site);
     content_.counters = &counters;
-    content_.metrics = std::move(metrics);
     accept();
   }
 
@@ -97,14 +96,23 @@ class WebServer::Impl {
   const std::shared_ptr<void> open_ = std::make_shared<int>(0);  // each connection has a copy
 };
 
-WebServer::WebServer(asio::io_context& io, const WebConfig& config) : impl_(std::make_unique<Impl>(io, config)) {}
+WebServer::WebServer(asio::io_context& io, const WebConfig& config, const std::string& key)
+    : impl_(std::make_unique<Impl>(io, config, key)) {}
 WebServer::~WebServer() = default;
 
 std::string WebServer::address() const { return impl_->address(); }
 std::size_t WebServer::connections() const noexcept { return impl_->connections(); }
 
+void WebServer::serve(WebSite site, ControlCounters& counters) { impl_->serve(std::move(site), counters); }
+
 void WebServer::serve(WebApi api, std::function<std::string(MetricsFormat)> metrics, ControlCounters& counters) {
-  impl_->serve(std::move(api), std::move(metrics), counters);
+  const auto document = [metrics = std::move(metrics)](std::string_view path,
+                                                       std::string_view accept) -> std::optional<WebDocument> {
+    if (path != "/metrics") return std::nullopt;
+    const MetricsFormat format = metrics_format(accept);
+    return WebDocument{media_type(format), metrics(format)};
+  };
+  serve({page_files(), document, std::move(api), "there is /, /metrics and /api"}, counters);
 }
 
 }  // namespace imud

@@ -10,6 +10,7 @@
 #include "emulator/plan/web_config.hpp"
 #include "emulator/web/metrics.hpp"
 #include "emulator/web/web_api.hpp"
+#include "emulator/web/web_site.hpp"
 
 namespace imud {
 
@@ -24,9 +25,9 @@ class WebServer {
   static constexpr std::size_t max_header_bytes = 8192, max_request_bytes = 65536;
   static constexpr int idle_s = 30;  // a connection without a request is closed
 
-  // Listens; connections wait until serve() is called. Throws PortError if the address cannot be used, OpenError if
-  // the token cannot be read.
-  WebServer(boost::asio::io_context& io, const WebConfig& config);
+  // Listens; connections wait until serve() is called. `key`: the name of the address for the user. Throws PortError
+  // if the address cannot be used, OpenError if the token cannot be read.
+  WebServer(boost::asio::io_context& io, const WebConfig& config, const std::string& key = "web.listen");
   ~WebServer();
   WebServer(const WebServer&) = delete;
   WebServer& operator=(const WebServer&) = delete;
@@ -35,8 +36,10 @@ class WebServer {
   std::string address() const;
   // Returns the number of open connections.
   std::size_t connections() const noexcept;
-  // Begins to answer. `metrics` returns the text of /metrics in the given format, which the request's Accept field
-  // selects. `counters` must outlive the handlers of the io_context.
+  // Begins to answer. `counters` must outlive the handlers of the io_context.
+  void serve(WebSite site, ControlCounters& counters);
+  // The same with the page of a run. `metrics` returns the text of /metrics in the given format, which the request's
+  // Accept field selects.
   void serve(WebApi api, std::function<std::string(MetricsFormat)> metrics, ControlCounters& counters);
 
  private:
