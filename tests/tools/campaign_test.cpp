@@ -10,10 +10,10 @@
 #include <string>
 #include <vector>
 
+#include "emulator/campaign/shards/wilson.hpp"
 #include "tools/campaign/case_row.hpp"
 #include "tools/campaign/case_sample.hpp"
 #include "tools/campaign/case_table.hpp"
-#include "tools/campaign/wilson.hpp"
 
 namespace imud {
 namespace {

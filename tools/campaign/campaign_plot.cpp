@@ -9,9 +9,9 @@
 #include <stdexcept>
 #include <string_view>
 
+#include "emulator/campaign/shards/wilson.hpp"
 #include "protocols/wire/csv_field.hpp"
 #include "tools/campaign/campaign_report.hpp"
-#include "tools/campaign/wilson.hpp"
 #include "tools/gnuplot.hpp"
 #include "tools/text_output.hpp"
 

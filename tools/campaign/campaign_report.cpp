@@ -12,7 +12,7 @@
 #include <numeric>
 #include <optional>
 
-#include "tools/campaign/wilson.hpp"
+#include "emulator/campaign/shards/wilson.hpp"
 
 namespace imud {
 namespace {

@@ -8,18 +8,6 @@
 #include <utility>
 
 namespace imud {
-namespace {
-
-// Returns the text as one word of a POSIX shell, in quotes where it needs them.
-std::string in_shell_quotes(std::string_view text) {
-  constexpr std::string_view plain = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-_./:,=+@%";
-  if (!text.empty() && text.find_first_not_of(plain) == text.npos) return std::string(text);
-  std::string word = "'";
-  for (const char c : text) word += c == '\'' ? std::string("'\\''") : std::string(1, c);
-  return word + "'";
-}
-
-}  // namespace
 
 void CampaignRows::note_missing(std::uint64_t first, std::uint64_t end) {
   if (first < end) faults_.push_back(fmt::format("the cases {} to {} are missing", first, end - 1));
@@ -57,15 +45,6 @@ void CampaignRows::read(const Take& take, const std::function<void(double)>& pro
     found_ += cases.size();
   }
   note_missing(next, folder_.campaign().cases);
-}
-
-std::string CampaignRows::resume_command() const {
-  return "imud campaign resume " + in_shell_quotes(folder_.path().string());
-}
-
-std::string CampaignRows::repeat_command(std::uint64_t index) const {
-  return fmt::format("imud campaign repeat {} {} --record case_{}.pcapng", in_shell_quotes(folder_.path().string()),
-                     index, index);
 }
 
 }  // namespace imud

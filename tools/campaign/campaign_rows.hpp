@@ -29,8 +29,8 @@ class CampaignRows {
   std::uint64_t found() const noexcept { return found_; }
 
   // Return the commands that run what is missing, and one case alone, for a shell.
-  std::string resume_command() const;
-  std::string repeat_command(std::uint64_t index) const;
+  std::string resume_command() const { return folder_.resume_command(); }
+  std::string repeat_command(std::uint64_t index) const { return folder_.repeat_command(index); }
 
  private:
   void note_missing(std::uint64_t first, std::uint64_t end);

@@ -47,6 +47,9 @@ class ResultFolder {
   ResultFolder(const std::filesystem::path& path, const CampaignDescription& campaign, std::string_view plan_text);
 
   const std::filesystem::path& path() const noexcept { return path_; }
+  // Return the commands that run what is missing, and one case alone with a record, for a shell.
+  std::string resume_command() const;
+  std::string repeat_command(std::uint64_t index) const;
   const CampaignDescription& campaign() const noexcept { return campaign_; }
   std::filesystem::path shards_path() const { return path_ / "shards"; }
   // Throws OpenError, with what differs, if the folder has another campaign.

@@ -14,9 +14,9 @@
 #include <vector>
 
 #include "emulator/campaign/shards/result_folder.hpp"
+#include "emulator/campaign/shards/wilson.hpp"
 #include "tests/emulator/campaign/campaign_test.hpp"
 #include "tests/support/text.hpp"
-#include "tools/campaign/wilson.hpp"
 
 namespace imud {
 namespace {

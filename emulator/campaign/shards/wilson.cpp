@@ -1,4 +1,4 @@
-#include "tools/campaign/wilson.hpp"
+#include "emulator/campaign/shards/wilson.hpp"
 
 #include <cmath>
 
