@@ -1,0 +1,77 @@
+// CaseCounts: how many cases of a campaign have passed: of all, and by the values of each axis.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <map>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "emulator/campaign/shards/shard.hpp"
+
+namespace imud {
+
+// The runs in which a question was asked, and how many have passed.
+struct CaseRate {
+  std::uint64_t runs = 0, passes = 0;
+};
+
+// Shards are added in any order, each once; the counts do not depend on it. One thread.
+class CaseCounts {
+ public:
+  // An axis with more values than these, such as random draws, is not divided by value.
+  static constexpr std::size_t most_values = 100;
+  // The first cases that have not passed are kept.
+  static constexpr std::size_t most_failed = 100;
+
+  // A case that has not passed.
+  struct Failed {
+    std::uint64_t seed = 0;
+    std::string axes;  // "NAME VALUE, NAME VALUE"
+    std::string why;   // the error, or the failed expectations and what is missing
+  };
+  struct Value {
+    std::string text;
+    std::uint64_t first_case = 0;  // the first one that has it
+    std::vector<CaseRate> rates;   // as rates(); later ones may be absent
+  };
+  struct Axis {
+    std::string name;
+    std::vector<Value> values;  // empty if there are too many
+    bool is_divided = true;
+  };
+
+  void add(const Shard& shard);
+
+  std::uint64_t done = 0;                 // cases that were run
+  std::uint64_t could_not_be_run = 0;     // cases with an error in place of a run
+  std::uint64_t expectations_failed = 0;  // cases with an expectation that does not hold
+  std::uint64_t incomplete = 0;           // other cases whose exit code is not 0
+
+  // The first rate is of "cases": complete, and all expectations hold. The others are of each expectation.
+  const std::vector<std::string>& names() const noexcept { return names_; }
+  const std::vector<CaseRate>& rates() const noexcept { return rates_; }
+  // Axes in the order of the plan. Their values are in the order of their numbers or, if not all are numbers, in that
+  // of the cases.
+  std::vector<Axis> axes() const;
+  // By their numbers.
+  const std::map<std::uint64_t, Failed>& failed() const noexcept { return failed_; }
+
+ private:
+  struct Row;
+  struct Passed {
+    std::size_t rate;
+    bool passed;
+  };
+  void add(const Row& row);
+  void divide(const Row& row, const std::vector<Passed>& all);
+  std::size_t rate_of(const std::string& expectation);
+
+  std::vector<std::string> names_ = {"cases"};
+  std::vector<CaseRate> rates_ = std::vector<CaseRate>(1);
+  std::vector<Axis> axes_;
+  std::map<std::uint64_t, Failed> failed_;
+};
+
+}  // namespace imud
