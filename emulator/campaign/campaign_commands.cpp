@@ -12,7 +12,7 @@
 
 #include "emulator/campaign/campaign_check.hpp"
 #include "emulator/campaign/campaign_repeat.hpp"
-#include "emulator/campaign/campaign_status.hpp"
+#include "emulator/campaign/status/campaign_status.hpp"
 #include "emulator/ground/text_file.hpp"
 
 namespace imud {

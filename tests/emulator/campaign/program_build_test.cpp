@@ -95,7 +95,7 @@ TEST_F(CampaignBuilds, AreNotMixed) {
   }
   EXPECT_EQ(shards("runs"), before);
   const ProgramResult shown = run_program(imud, {"campaign", "status", path("runs")});
-  EXPECT_TRUE(contains(shown.output, "\nimud     " + difference + ": go on with that imud")) << shown.output;
+  EXPECT_TRUE(contains(shown.output, "\nbuild    " + difference + ": go on with that imud")) << shown.output;
   EXPECT_EQ(nlohmann::json::parse(status("runs", {"--json"}).output)["is_of_this_imud"], true);
   // The other build has identities of its own, and the same bytes.
   ASSERT_EQ(run_program(imud, {"campaign", "run", path("plan.toml"), "--into", path("others")}).exit_code, 0);
