@@ -8,6 +8,7 @@
 
 #include "emulator/campaign/campaign_run.hpp"
 #include "emulator/campaign/slurm_run.hpp"
+#include "emulator/plan/web_config.hpp"
 
 namespace CLI {
 class App;
@@ -34,6 +35,7 @@ class CampaignCommands {
   std::string engine_;  // "local" or "slurm"; empty: by the folder
   std::uint64_t case_ = 0;
   bool json_ = false;
+  WebConfig web_;  // of the page of `status`
   CampaignRunOptions run_options_;
   SlurmRunOptions slurm_options_;
   const CLI::App *check_ = nullptr, *run_ = nullptr, *resume_ = nullptr, *status_ = nullptr, *repeat_ = nullptr;

@@ -1,0 +1,20 @@
+// CampaignPage: a page that shows a campaign while it runs, wherever it runs: it reads the folder alone.
+#pragma once
+
+#include <span>
+#include <string>
+
+#include "emulator/plan/web_config.hpp"
+#include "emulator/web/page_files.hpp"
+
+namespace imud {
+
+// The files of emulator/campaign/status/page, with the style of the page of a run.
+std::span<const PageFile> campaign_page_files() noexcept;
+
+// Serves the page at `web.listen`, and the status as JSON at /status, until SIGINT or SIGTERM. Prints the address.
+// Returns 0. Throws OpenError if there is no campaign or the token cannot be read, PortError if the address cannot be
+// used.
+int serve_campaign(const std::string& folder, const WebConfig& web);
+
+}  // namespace imud
