@@ -10,6 +10,7 @@ import sys
 
 PLAN = hashlib.sha256(b"plan").hexdigest()
 VERSION = "0.1.0"
+BUILD = ""  # of imud, which calls it unknown; a test may set another one
 
 
 def dump(value):
@@ -29,7 +30,7 @@ def write_shard(folder, rows):
     lines = [row if isinstance(row, str) else dump(row) for row in rows]
     first = json.loads(lines[0])["case"]
     last = first + len(lines) - 1
-    text = dump({"campaign": 1, "plan": PLAN, "version": VERSION, "first": first, "last": last}) + "\n"
+    text = dump({"campaign": 1, "plan": PLAN, "version": VERSION, "build": BUILD, "first": first, "last": last}) + "\n"
     text += "".join(line + "\n" for line in lines)
     path = pathlib.Path(folder) / "shards" / f"{first:09}-{last:09}.jsonl"
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -41,7 +42,7 @@ def write_campaign(folder, cases, batch):
     folder = pathlib.Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "campaign.json").write_text(dump({"plan": "/plans/plan.toml", "campaign": 1, "plan_sha256": PLAN, "cases": cases, "batch": batch,
-                                                      "version": VERSION}))
+                                                      "version": VERSION, "build": BUILD}))
 
 
 def write_all(folder, rows, batch):
