@@ -223,10 +223,11 @@ int run_missing(const ResultFolder& folder, const Campaign& campaign, CaseRunner
     constexpr std::uint64_t most_logged = 10;
     const RowResult result(row);
     exit_code = worse_exit_code(exit_code, result.exit_code);
-    if (result.could_not_be_run && ++failed <= most_logged)
-      spdlog::error("case {}: {}", missing.case_of(item), result.error);
-    else if (result.exit_code != 0)
+    if (result.could_not_be_run) {
+      if (++failed <= most_logged) spdlog::error("case {}: {}", missing.case_of(item), result.error);
+    } else if (result.exit_code != 0) {
       ++incomplete;
+    }
     if (!result.shortfall.empty() && ++short_cases <= most_logged)
       spdlog::warn("case {}: {}", missing.case_of(item), result.shortfall);
     shards.take(item, std::move(row));

@@ -232,6 +232,17 @@ TEST_F(TestedCases, AKilledWorkerLeavesNoFolder) {
   EXPECT_TRUE(std::filesystem::is_empty(scratch));
 }
 
+// More cases than the log names.
+TEST_F(TestedCases, CasesWithoutAFolderCouldNotBeRun) {
+  write("plan.toml", head + "seeds = \"1..12\"\n[test]\ncommand = \"cat {port}\"\n");
+  ASSERT_EQ(::setenv("TMPDIR", path("none").c_str(), 1), 0);
+  const ProgramResult done = CampaignWithResults::run("runs");
+  ::unsetenv("TMPDIR");
+  EXPECT_EQ(done.exit_code, 1);
+  EXPECT_TRUE(contains(done.errors, "a folder for the files of a test: No such file or directory")) << done.errors;
+  EXPECT_TRUE(contains(done.output, "12 could not be run, 0 incomplete")) << done.output;
+}
+
 TEST_F(TestedCases, AFolderWithABlankIsOneWord) {
   const std::string scratch = path("with 'a' blank");
   std::filesystem::create_directory(scratch);
