@@ -261,6 +261,7 @@ int run_missing(const ResultFolder& folder, const Campaign& campaign, CaseRunner
                                          }},
                                     missing.items()) &&
                         shards.are_all_done();
+  progress.clear();
   if (!is_whole) {
     spdlog::error(
         "incomplete: it was ended after {} of {} cases; {} further ones are lost with their shards; imud campaign "

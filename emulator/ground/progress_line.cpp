@@ -48,9 +48,9 @@ void ProgressLine::show(double done, std::string_view work) {
   next_ = now + interval;
   std::string line = fmt::format("{}{:.0f} % of {}", removal(), 100 * done, work);
   if (done > 0) line += fmt::format(", {} left", time_left(seconds(now - begin_), done));
-  fmt::print(stderr, "{}", line);
-  std::fflush(stderr);
   is_line_shown = true;
+  std::fputs(line.c_str(), stderr);
+  std::fflush(stderr);
 }
 
 void ProgressLine::show(std::uint64_t done, std::uint64_t all, std::string_view things) {
@@ -58,7 +58,7 @@ void ProgressLine::show(std::uint64_t done, std::uint64_t all, std::string_view 
 }
 
 void ProgressLine::clear() noexcept {
-  if (const std::string_view text = removal(); !text.empty()) fmt::print(stderr, "{}", text);
+  if (const std::string_view text = removal(); !text.empty()) std::fwrite(text.data(), 1, text.size(), stderr);
 }
 
 std::string_view ProgressLine::removal() noexcept {

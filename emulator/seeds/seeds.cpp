@@ -314,6 +314,7 @@ int replay_seeds(const Config& config, const RunOptions& options, const SeedsOpt
                                 },
                             .tick = [&] { progress.show(done, runs.runs(), "runs"); }},
                            runs.items());
+    progress.clear();
     is_whole ? runs.commit() : runs.keep();
   } catch (...) {
     runs.keep();

@@ -40,11 +40,12 @@ class ProgressTest(unittest.TestCase):
         once = (cls.folder / "whole.bin").read_bytes()
         (cls.folder / "whole.bin").write_bytes(2 * once)
 
-    def at_terminal(self, words, exit_code=0):
-        """Runs a program whose standard error is a terminal. Returns the text there, and how long it took."""
+    def at_terminal(self, words, exit_code=0, with_output=False):
+        """Runs a program whose standard error is a terminal, and its output, too. Returns the text there, and how long it took."""
         terminal, end = pty.openpty()
         begin = time.monotonic()
-        running = subprocess.Popen([IMUD.parent / words[0], *words[1:]], cwd=self.folder, stdout=subprocess.DEVNULL, stderr=end)
+        running = subprocess.Popen([IMUD.parent / words[0], *words[1:]], cwd=self.folder,
+                                   stdout=end if with_output else subprocess.DEVNULL, stderr=end)
         os.close(end)
         text = b""
         while True:
@@ -113,6 +114,13 @@ class ProgressTest(unittest.TestCase):
         self.assertRegex(self.at_terminal(["imud", *words, "terminal"])[0], r"\d+ % of 2 cases, \d+ s left\r\x1b\[K")
         piped = subprocess.run([IMUD, *words, "pipe"], cwd=self.folder, capture_output=True, text=True, check=True)
         self.assertNotRegex(piped.stderr, r"\r|\x1b|%| left")
+
+    def test_the_result_is_a_line_of_its_own(self):
+        (self.folder / "result.toml").write_text('base = "imu.toml"\ncapture = "truth.csv"\nseeds = "1..2"\n')
+        for words in (["replay", "imu.toml", "truth.csv", "--seeds", "1..2", "--set", "imu.0.port=file:result{seed}.bin"],
+                      ["campaign", "run", "result.toml", "--into", "result"]):
+            text, _ = self.at_terminal(["imud", *words, "--jobs", "1"], with_output=True)
+            self.assertRegex(text, r" left\r\x1b\[Kran  ")
 
     def test_the_measurements_of_the_machine(self):
         self.expect_progress(r"\d measurements", "imud", "selftest", "--for", "0.4")
