@@ -193,20 +193,24 @@ void ControlApi::reload(const RpcReply& reply) {
     return next_reloads_.push_back(reply);
   }
   run_.reload_begins();
-  const RpcReply at_end = reply.after(run_.reload_ends);
+  const auto end = [this] {
+    if (!ended_) run_.reload_ends();
+  };
+  const RpcReply at_end = reply.after(end);
   try {
     if (std::optional<Change> change = run_.reloader.prepare()) return make({std::move(*change)}, at_end);
-  } catch (const RpcError&) {
+  } catch (const std::exception& error) {
     run_.reloader.cancel();
-    run_.reload_ends();
-    throw;
+    end();
+    if (dynamic_cast<const RpcError*>(&error) != nullptr) throw;
+    throw RpcError(RpcError::internal_error, error.what());
   }
   log("control: reload: no key differs");
   at_end.result({{"changed", Json::array()}, {"applied", Json::array()}});
 }
 
 void ControlApi::make_next_reloads() {
-  while (!next_reloads_.empty() && !run_.reloader.is_waiting()) {
+  while (!ended_ && !next_reloads_.empty() && !run_.reloader.is_waiting()) {
     const RpcReply reply = std::move(next_reloads_.front());
     next_reloads_.pop_front();
     try {
