@@ -116,7 +116,8 @@ std::string receive_text(int link, std::size_t size) {
   return text;
 }
 
-constexpr std::size_t longest_command = 131072;  // MAX_ARG_STRLEN of Linux: one word of a command line
+constexpr std::size_t longest_command =
+    131071;  // MAX_ARG_STRLEN of Linux without the NUL: one word of a command line
 
 // The life of the supervisor: it ends when the link's other end is closed, however that process has ended. Its exit
 // code is the error number if there can be no folder.
@@ -172,7 +173,8 @@ TestCommand::TestCommand(const Options& options) {
 void TestCommand::start(const std::string& command) {
   if (command.size() > longest_command)
     throw std::runtime_error(fmt::format("a command of {} bytes; Linux allows {}", command.size(), longest_command));
-  ::send(link_.get(), command.data(), command.size(), MSG_NOSIGNAL);
+  if (::send(link_.get(), command.data(), command.size(), MSG_NOSIGNAL) < 0)
+    throw std::runtime_error(fmt::format("the command cannot be passed on: {}", std::strerror(errno)));
 }
 
 TestCommand::~TestCommand() {

@@ -34,7 +34,7 @@ class TestCommand {
 
   // The folder for files of the case, in the folder for temporary files.
   const std::filesystem::path& scratch() const noexcept { return scratch_; }
-  // Starts the command, of the shell; once. Throws std::runtime_error if it is too long.
+  // Starts the command, of the shell; once. Throws std::runtime_error if it is too long or cannot be passed on.
   void start(const std::string& command);
   bool has_ended() const noexcept;
   struct End {
