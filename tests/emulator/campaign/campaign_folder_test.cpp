@@ -20,8 +20,6 @@
 namespace imud {
 namespace {
 
-using Json = nlohmann::json;
-
 class CampaignFolders : public CampaignWithResults {
  protected:
   // The capture of another flight, as long as truth_rows.
@@ -48,7 +46,7 @@ class CampaignFolders : public CampaignWithResults {
     writer.commit();
   }
   static std::string lost(const std::string& row) {
-    Json json = Json::parse(row);
+    nlohmann::json json = nlohmann::json::parse(row);
     json["exit_code"] = 1;
     json["ended_by"] = "failure";
     json["error"] = "a worker process was ended by signal 9";
@@ -71,8 +69,8 @@ TEST_F(CampaignFolders, ACaseHasTheCaptureOfItsIdentity) {
   const std::string before = runner.run(0, no_stop, {})->row;
   write("truth.csv", other_truth() + "210000000,0,0,0,0,0,0,0,0,-9.8\n");
   // Another seed of the same case may have been run on either capture, with the identity of that capture.
-  const std::string second = Json::parse(runner.run(1, no_stop, {})->row)["identity"];
-  EXPECT_NE(second, Json::parse(alone(campaign, 1))["identity"]);
+  const std::string second = nlohmann::json::parse(runner.run(1, no_stop, {})->row)["identity"];
+  EXPECT_NE(second, nlohmann::json::parse(alone(campaign, 1))["identity"]);
   EXPECT_EQ(runner.run(2, no_stop, {})->row, alone(campaign, 2));
   EXPECT_EQ(runner.run(0, no_stop, {})->row, alone(campaign, 0));
   EXPECT_NE(before, alone(campaign, 0));
@@ -132,7 +130,7 @@ TEST_F(CampaignFolders, CasesThatHaveFailedBeforeCount) {
   plan("seeds = \"1..8\"\nbatch = 4\n");
   ASSERT_EQ(run("runs", {"--case", "0..3"}).exit_code, 0);
   change_row("runs", {0, 3}, 1, [](const std::string& row) {
-    Json json = Json::parse(row);
+    nlohmann::json json = nlohmann::json::parse(row);
     json["exit_code"] = 3;
     json["expect"]["never"] = false;
     return json.dump();
@@ -143,8 +141,8 @@ TEST_F(CampaignFolders, CasesThatHaveFailedBeforeCount) {
   }
   const ProgramResult shown = status("runs", {"--json"});
   EXPECT_EQ(shown.exit_code, 3);
-  EXPECT_EQ(Json::parse(shown.output)["cases_done"], 8);
-  EXPECT_EQ(Json::parse(shown.output)["expectations_failed"], 1);
+  EXPECT_EQ(nlohmann::json::parse(shown.output)["cases_done"], 8);
+  EXPECT_EQ(nlohmann::json::parse(shown.output)["expectations_failed"], 1);
 }
 
 TEST_F(CampaignFolders, APlanThatWasMovedWithItsFolderIsFound) {
@@ -184,8 +182,8 @@ TEST_F(CampaignFolders, ARowWithoutAResultIsDamage) {
     change_row("runs", {4, 7}, 2, [&](const std::string&) { return row; });
     const ProgramResult shown = status("runs", {"--json"});
     EXPECT_EQ(shown.exit_code, 3) << shown.errors;
-    EXPECT_EQ(Json::parse(shown.output)["damaged"],
-              Json::array({shard_name({4, 7}) + " has no result in the row of case 6"}));
+    EXPECT_EQ(nlohmann::json::parse(shown.output)["damaged"],
+              nlohmann::json::array({shard_name({4, 7}) + " has no result in the row of case 6"}));
     EXPECT_EQ(resume("runs").exit_code, 0);
     EXPECT_EQ(status("runs").exit_code, 0);
   }
@@ -220,7 +218,7 @@ TEST_F(CampaignFolders, FilesOfDeadHostsAreTakenAwayAfterADay) {
   };
   const std::string of_whole = temporary("000000000-000000003", 1h), old = temporary("000000004-000000007", 25h),
                     young = temporary("000000008-000000011", 23h);
-  const Json running = Json::parse(status("runs", {"--json"}).output)["running"];
+  const nlohmann::json running = nlohmann::json::parse(status("runs", {"--json"}).output)["running"];
   EXPECT_EQ(running.size(), 1U) << running;
   ASSERT_EQ(run("runs", {"--case", "4..7"}).exit_code, 0);
   EXPECT_TRUE(std::filesystem::exists(old)) << "a task of an array does not list the folder";
@@ -228,7 +226,7 @@ TEST_F(CampaignFolders, FilesOfDeadHostsAreTakenAwayAfterADay) {
   EXPECT_TRUE(std::filesystem::exists(of_whole));
   EXPECT_FALSE(std::filesystem::exists(old));
   EXPECT_TRUE(std::filesystem::exists(young));
-  EXPECT_EQ(Json::parse(status("runs", {"--json"}).output)["running"], Json::array());
+  EXPECT_EQ(nlohmann::json::parse(status("runs", {"--json"}).output)["running"], nlohmann::json::array());
 }
 
 TEST_F(CampaignFolders, ShardsAtWhichOthersAreAtWorkComeLast) {

@@ -21,8 +21,6 @@
 namespace imud {
 namespace {
 
-using Json = nlohmann::json;
-
 class CampaignRuns : public CampaignWithResults {
  protected:
   // 24 cases of 3 rates and 8 seeds, in shards of 4.
@@ -55,15 +53,15 @@ accelerometer.max_m_per_s2 = 100
   plan("seeds = \"3..4\"\n[axes]\nscenario = [\"\", \"scenario.toml\"]\n\"imu.imu1.rate_hz\" = [100, 200]\n");
   const ProgramResult done = run("runs", {"--jobs", "1"});
   ASSERT_EQ(done.exit_code, 0) << done.errors;
-  const std::vector<Json> all = rows("runs");
+  const std::vector<nlohmann::json> all = rows("runs");
   ASSERT_EQ(all.size(), 8U);
   for (std::uint64_t i = 0; i < all.size(); ++i) {
-    const Json& row = all[i];
+    const nlohmann::json& row = all[i];
     SCOPED_TRACE(row.dump());
     EXPECT_EQ(row["case"], i);
     EXPECT_EQ(row["seed"], 3 + i % 2);
     const std::string rate = i / 2 % 2 == 0 ? "100" : "200", scenario = i < 4 ? "" : "scenario.toml";
-    EXPECT_EQ(row["axes"], Json({{"scenario", scenario}, {"imu.imu1.rate_hz", rate}}));
+    EXPECT_EQ(row["axes"], nlohmann::json({{"scenario", scenario}, {"imu.imu1.rate_hz", rate}}));
     std::vector<std::string> arguments = {"replay", path("imu.toml"), path("truth.csv"),
                                           "--fast", "--summary",      path("summary.json")};
     for (const std::string& key : {"seed=" + row["seed"].dump(), "imu.imu1.rate_hz=" + rate,
@@ -75,7 +73,7 @@ accelerometer.max_m_per_s2 = 100
     EXPECT_EQ(row["digest"]["imu1"], sha256_of(read_file(path("1.bin"))));
     EXPECT_GT(read_file(path("2.log")).size(), 100U);
     EXPECT_EQ(row["digest"]["can1"], sha256_of(read_file(path("2.log"))));
-    const Json whole = summary();
+    const nlohmann::json whole = summary();
     EXPECT_EQ(row["exit_code"], whole["exit_code"]);
     EXPECT_EQ(row["ended_by"], whole["ended_by"]);
     EXPECT_EQ(row["shortfalls"], whole["shortfalls"]);
@@ -86,7 +84,7 @@ accelerometer.max_m_per_s2 = 100
       const std::size_t dot = name.find('.');
       if (dot == name.npos || name == "truth.refused") continue;
       const std::string group = name.substr(0, dot), key = name.substr(dot + 1);
-      const Json& of = group == "truth" ? whole["truth"] : whole["imus"][group == "imu1" ? 0 : 1];
+      const nlohmann::json& of = group == "truth" ? whole["truth"] : whole["imus"][group == "imu1" ? 0 : 1];
       EXPECT_EQ(value, of.at(key)) << name;
       ++compared;
     }
@@ -111,22 +109,22 @@ TEST_F(CampaignRuns, RowsDoNotDependOnProcessesAndPieces) {
   EXPECT_EQ(shards("four"), one);
   EXPECT_EQ(shards("pieces"), one);
   EXPECT_EQ(read_file(path("one/plan.toml")), read_file(path("plan.toml")));
-  EXPECT_EQ(Json::parse(read_file(path("one/campaign.json"))),
-            Json({{"campaign", 1},
-                  {"plan", path("plan.toml")},
-                  {"plan_from_folder", "../plan.toml"},
-                  {"plan_sha256", sha256_of(read_file(path("plan.toml")))},
-                  {"cases", 24},
-                  {"batch", 4},
-                  {"version", IMUD_VERSION},
-                  {"build", build_of("one")}}));
+  EXPECT_EQ(nlohmann::json::parse(read_file(path("one/campaign.json"))),
+            nlohmann::json({{"campaign", 1},
+                            {"plan", path("plan.toml")},
+                            {"plan_from_folder", "../plan.toml"},
+                            {"plan_sha256", sha256_of(read_file(path("plan.toml")))},
+                            {"cases", 24},
+                            {"batch", 4},
+                            {"version", IMUD_VERSION},
+                            {"build", build_of("one")}}));
 }
 
 TEST_F(CampaignRuns, ConfigurationsOfOtherSeedsAreThoseOfThePlan) {
   small_plan();
   ASSERT_EQ(run("runs", {"--jobs", "1"}).exit_code, 0);
   const Campaign campaign = campaign_by_imud("runs");
-  for (const Json& row : rows("runs"))
+  for (const nlohmann::json& row : rows("runs"))
     EXPECT_EQ(row["identity"], identity_of(campaign, case_of(campaign, row["case"]))) << row["case"];
 }
 
@@ -154,7 +152,7 @@ TEST_F(CampaignRuns, DamagedShardsAreSaidAndDoneAgain) {
   std::filesystem::remove(shard_path("runs", {20, 23}));
   const ProgramResult before = status("runs", {"--json"});
   EXPECT_EQ(before.exit_code, 3);
-  const Json json = Json::parse(before.output);
+  const nlohmann::json json = nlohmann::json::parse(before.output);
   EXPECT_EQ(json["shards"], 6);
   EXPECT_EQ(json["shards_whole"], 2);
   EXPECT_EQ(json["cases_done"], 8);
@@ -177,7 +175,7 @@ TEST_F(CampaignRuns, CasesThatCouldNotBeRunAreRunAgainAlone) {
   std::string fault;
   const ResultFolder folder(path("runs"));
   Shard shard = folder.read({8, 11}, fault).value();
-  Json row = Json::parse(shard.rows[2]);
+  nlohmann::json row = nlohmann::json::parse(shard.rows[2]);
   row["exit_code"] = 1;
   row["error"] = "a worker process was ended by signal 9";
   shard.rows[2] = row.dump();
@@ -197,7 +195,7 @@ TEST_F(CampaignRuns, ACaseThatCannotBeRunHasARow) {
   plan("seeds = 1\nbatch = 3\n[axes]\n\"imu.imu1.rate_hz\" = [100, -5, 200]\n");
   const ProgramResult done = run("runs");
   EXPECT_EQ(done.exit_code, 1);
-  const std::vector<Json> all = rows("runs");
+  const std::vector<nlohmann::json> all = rows("runs");
   ASSERT_EQ(all.size(), 3U);
   EXPECT_EQ(all[0]["error"], nullptr);
   EXPECT_TRUE(contains(all[1]["error"].get<std::string>(), "rate_hz")) << all[1];
@@ -241,7 +239,7 @@ TEST_F(CampaignRuns, AFolderOfSomethingElseIsRefused) {
   refused(run("runs"), "line 3 of the plan");
   // Another version.
   small_plan();
-  Json json = Json::parse(read_file(path("runs/campaign.json")));
+  nlohmann::json json = nlohmann::json::parse(read_file(path("runs/campaign.json")));
   json["version"] = "0.0.9";
   write("runs/campaign.json", json.dump());
   refused(resume("runs"), "imud is 0.0.9 there and " IMUD_VERSION " here");
@@ -259,8 +257,8 @@ TEST_F(CampaignRuns, TemporaryFilesOfEndedProcessesAreTakenAway) {
   elsewhere.process = child;
   write("runs/shards/" + ended.file_name(), "{");
   write("runs/shards/" + elsewhere.file_name(), "{");
-  const Json running = Json::parse(status("runs", {"--json"}).output)["running"];
-  EXPECT_EQ(running, Json::array({{{"host", "n2.example"}, {"process", child}}}));
+  const nlohmann::json running = nlohmann::json::parse(status("runs", {"--json"}).output)["running"];
+  EXPECT_EQ(running, nlohmann::json::array({{{"host", "n2.example"}, {"process", child}}}));
   EXPECT_EQ(resume("runs").exit_code, 0);
   EXPECT_FALSE(std::filesystem::exists(path("runs/shards/" + ended.file_name())));
   EXPECT_TRUE(std::filesystem::exists(path("runs/shards/" + elsewhere.file_name())));
@@ -291,7 +289,7 @@ TEST_F(CampaignRuns, ACaseIsRepeatedAlone) {
   const ProgramResult same =
       run_program("imud", {"campaign", "repeat", path("runs"), "5", "--record", path("5.pcapng")});
   EXPECT_EQ(same.exit_code, 0) << same.errors;
-  EXPECT_EQ(Json::parse(same.output), rows("runs")[5]);
+  EXPECT_EQ(nlohmann::json::parse(same.output), rows("runs")[5]);
   // The record is of this case.
   const ProgramResult again = run_program(
       "imud", {"replay", path("5.pcapng"), path("5.pcapng"), "--fast", "--set", "imu.0.port=file:" + path("5.bin")});

@@ -21,8 +21,6 @@
 namespace imud {
 namespace {
 
-using Json = nlohmann::json;
-
 class TestedCases : public CampaignWithResults {
  protected:
   // Runs four seeds, with the command if there is one.
@@ -38,7 +36,7 @@ TEST_F(TestedCases, TheCommandReadsAllBytesAndItsMetricsJoinTheRow) {
   const ProgramResult done = run("tested", R"(cat {port} > bytes_{case}
 printf '{"size": %d, "seed": {seed}}' $(wc -c < bytes_{case}) > {metrics})");
   EXPECT_EQ(done.exit_code, 0) << done.errors;
-  const std::vector<Json> alone = rows("alone"), tested = rows("tested");
+  const std::vector<nlohmann::json> alone = rows("alone"), tested = rows("tested");
   ASSERT_EQ(tested.size(), 4U);
   for (std::size_t i = 0; i < tested.size(); ++i) {
     const std::string bytes = read_file(path(fmt::format("bytes_{}", i)));
@@ -47,7 +45,8 @@ printf '{"size": %d, "seed": {seed}}' $(wc -c < bytes_{case}) > {metrics})");
     EXPECT_EQ(tested[i]["digest"]["imu1"], digest.end());
     EXPECT_EQ(tested[i]["digest"], alone[i]["digest"]);
     EXPECT_EQ(tested[i]["test"],
-              Json({{"exit_code", 0}, {"timed_out", false}, {"metrics", {{"size", bytes.size()}, {"seed", i + 1}}}}));
+              nlohmann::json(
+                  {{"exit_code", 0}, {"timed_out", false}, {"metrics", {{"size", bytes.size()}, {"seed", i + 1}}}}));
     EXPECT_NE(tested[i]["identity"], alone[i]["identity"]);
     EXPECT_FALSE(alone[i].contains("test"));
   }
@@ -56,14 +55,14 @@ printf '{"size": %d, "seed": {seed}}' $(wc -c < bytes_{case}) > {metrics})");
 TEST_F(TestedCases, AFailureIsAShortfall) {
   const ProgramResult done = run("runs", "cat {port} > /dev/null; echo 5 > {metrics}; test {seed} -lt 3");
   EXPECT_EQ(done.exit_code, 3) << done.errors;
-  const std::vector<Json> all = rows("runs");
+  const std::vector<nlohmann::json> all = rows("runs");
   ASSERT_EQ(all.size(), 4U);
   for (std::size_t i = 0; i < all.size(); ++i) {
     std::vector<std::string> shortfalls;
     if (i >= 2) shortfalls.emplace_back("the test has ended with 1");
     shortfalls.emplace_back(
         "the metrics of the test: line 1: is a JSON number; write a JSON object, such as {\"error_deg\": 0.1}");
-    EXPECT_EQ(all[i]["shortfalls"], Json(shortfalls));
+    EXPECT_EQ(all[i]["shortfalls"], nlohmann::json(shortfalls));
     EXPECT_EQ(all[i]["exit_code"], 3);
     EXPECT_EQ(all[i]["test"]["exit_code"], i < 2 ? 0 : 1);
   }
@@ -74,7 +73,7 @@ TEST_F(TestedCases, MetricsThatAreNoJsonAreNamedWithTheirPlace) {
   EXPECT_EQ(done.exit_code, 3);
   const std::string fault =
       "the metrics of the test: line 2, column 7: `NaN` is no value of JSON; write null, or leave it out";
-  EXPECT_EQ(rows("runs").at(2)["shortfalls"], Json({fault}));
+  EXPECT_EQ(rows("runs").at(2)["shortfalls"], nlohmann::json({fault}));
   EXPECT_TRUE(contains(done.errors, "case 2: " + fault)) << done.errors;
 }
 
@@ -106,10 +105,10 @@ TEST_F(TestedCases, TheGroupIsKilledAtTheTimeLimit) {
   const ProgramResult done =
       run("runs", "sh -c 'echo $$ > child_{case}; exec sleep 1000' & cat {port} > /dev/null; wait", "1");
   EXPECT_EQ(done.exit_code, 3) << done.errors;
-  const std::vector<Json> all = rows("runs");
+  const std::vector<nlohmann::json> all = rows("runs");
   ASSERT_EQ(all.size(), 4U);
   for (std::size_t i = 0; i < all.size(); ++i) {
-    EXPECT_EQ(all[i]["shortfalls"], Json({"the test was killed after 1 s"}));
+    EXPECT_EQ(all[i]["shortfalls"], nlohmann::json({"the test was killed after 1 s"}));
     EXPECT_EQ(all[i]["test"]["exit_code"], 128 + SIGKILL);
     EXPECT_EQ(all[i]["test"]["timed_out"], true);
     const pid_t child = std::stoi(read_file(path(fmt::format("child_{}", i))));
@@ -122,7 +121,7 @@ TEST_F(TestedCases, TheGroupIsKilledAtTheTimeLimit) {
 TEST_F(TestedCases, ACommandThatNeverReadsDoesNotHoldTheCase) {
   const ProgramResult done = run("runs", "exit 7");
   EXPECT_EQ(done.exit_code, 3) << done.errors;
-  for (const Json& row : rows("runs")) {
+  for (const nlohmann::json& row : rows("runs")) {
     EXPECT_EQ(row["test"]["exit_code"], 7);
     EXPECT_TRUE(contains(row["shortfalls"].dump(), "the test has not opened {port}"));
   }
@@ -149,7 +148,7 @@ with open("bytes", "wb") as file:
     const std::string into = path(settles ? "settled" : "hasty");
     const ProgramResult done = run_program("imud", {"campaign", "run", plan, "--into", into});
     EXPECT_EQ(done.exit_code, 0) << done.errors;
-    const std::vector<Json> all = rows(settles ? "settled" : "hasty");
+    const std::vector<nlohmann::json> all = rows(settles ? "settled" : "hasty");
     ASSERT_EQ(all.size(), 1U);
     Sha256Stream digest;
     digest.add(read_file(path("bytes")));
