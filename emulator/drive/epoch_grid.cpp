@@ -1,5 +1,6 @@
 #include "emulator/drive/epoch_grid.hpp"
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <ctime>
@@ -12,9 +13,11 @@ using namespace std::chrono_literals;
 constexpr Nanoseconds between_readings = 100ms;
 // A smaller change than this, beyond the uncertainty of the readings, is not followed.
 constexpr Nanoseconds noticeable = 2us;
-// A change is a step if it is greater than this and than what a clock off by 1000 ppm drifts between two readings.
+// A change is a step if it is greater than this and what a clock off by 1000 ppm drifts between two readings
+// together. Of the time between them a second counts at most, so that the period of a slow imu hides no step.
 constexpr Nanoseconds least_step = 100us;
 constexpr std::int64_t drift_divisor = 1000;
+constexpr Nanoseconds longest_drift = 1s;
 
 constexpr std::int64_t second = 1'000'000'000;
 
@@ -83,7 +86,7 @@ void EpochGrid::read(HostTime now) noexcept {
   const Nanoseconds size = std::chrono::abs(change);
   if (!is_first && size <= noticeable + ahead_.uncertainty + reading.uncertainty) return;
   ahead_ = reading;
-  if (is_first || size <= least_step + elapsed / drift_divisor) return;
+  if (is_first || size <= least_step + std::min(elapsed, longest_drift) / drift_divisor) return;
   counters_.last_step = seconds(change);
   counters_.steps.count();
 }

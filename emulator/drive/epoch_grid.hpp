@@ -26,7 +26,7 @@ class EpochGrid {
       : host_(host), epoch_(epoch), counters_(counters), imus_(imus) {}
 
   // Returns when grids start that may start at `ready`, and not before: there, or at the next whole second of the
-  // epoch's clock.
+  // epoch's clock. Reads the clock: changes count from the first call on, so imus are placed at once.
   HostTime start_from(HostTime ready) noexcept;
 
   struct Placement {
@@ -43,11 +43,14 @@ class EpochGrid {
     if (epoch_ != Epoch::none && now >= next_reading_) [[unlikely]]
       read(now);
   }
+  // Returns false if the placed imu stays where it is, because neither the clock nor its grid has changed.
+  bool moves(std::size_t imu) const noexcept {
+    return epoch_ != Epoch::none && (imus_[imu].ahead != ahead_.by || imus_[imu].has_changed);
+  }
   // Returns the placement that an imu changes to because the clock has changed; nullopt if it stays. The imu's next
   // instant is `next`, the one with this `index` since it was placed.
   std::optional<Placement> follow(std::size_t imu, const Grid& grid, std::uint64_t index, HostTime next) noexcept {
-    if (epoch_ == Epoch::none || (imus_[imu].ahead == ahead_.by && !imus_[imu].has_changed)) [[likely]]
-      return std::nullopt;
+    if (!moves(imu)) return std::nullopt;
     return place_again(imu, grid, index, next);
   }
   // The imu has another grid from its next instant on, which stays; it follows the epoch from the instant after that.

@@ -56,7 +56,9 @@ void Loop::run() noexcept {
   if (!waits_for_truth_) {
     const HostTime now = host_.now();
     sink_.set_time(now);
-    origin_ = epoch_.start_from(now + pause);
+    origin_ = now + pause;
+    if (std::ranges::any_of(engine_.channels(), [](const auto& channel) { return channel->rests_before_truth; }))
+      origin_ = epoch_.start_from(origin_);
     for (std::size_t i = 0; i < engine_.channels().size(); ++i) {
       const bool rests = engine_.channels()[i]->rests_before_truth;
       engine_.apply(Step::power_on(i, rests ? start_grid(i, origin_).begin : now + pause));
@@ -298,7 +300,8 @@ void Loop::skip(HostTime now) noexcept {
 void Loop::complete(HostTime now) noexcept {
   epoch_.update(now);
   for (const Channel* channel : engine_.prepared()) {
-    follow_epoch(*channel);
+    if (epoch_.moves(channel->number)) [[unlikely]]
+      follow_epoch(*channel);
     hosts_.touch(*channel);
   }
   engine_.complete();

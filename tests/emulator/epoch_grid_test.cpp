@@ -57,6 +57,21 @@ TEST(EpochGrid, HostsHaveTheSameInstants) {
     }
 }
 
+// Also if an imu's period is so long that a thousandth of it is longer than the step.
+TEST(EpochGrid, AStepBetweenTheSamplesOfASlowImuIsCounted) {
+  OnHost one(Grid(0.001), in_2026, in_2026);
+  one.host.spend(1000s);
+  one.ahead += 500us;  // a rate that is off by 0.5 ppm
+  one.epoch.update(one.host.now());
+  EXPECT_EQ(one.counters.steps, 0U);
+  EXPECT_TRUE(one.epoch.moves(0));
+  one.host.spend(1000s);
+  one.ahead += 500ms;
+  one.epoch.update(one.host.now());
+  EXPECT_EQ(one.counters.steps, 1U);
+  EXPECT_NEAR(one.counters.last_step, 0.5, 1e-9);
+}
+
 // A reload has given an imu another grid, whose first instant is wherever the next sample was due.
 TEST(EpochGrid, AnotherGridIsOnTheEpochAfterASample) {
   OnHost one(Grid(200), in_2026, in_2026);
@@ -149,6 +164,13 @@ TEST_F(EpochRun, AHostWithAnotherRateAndAStepIsOnTheGrid) {
       EXPECT_NEAR(clock().last_step, 3.7e-3, tolerance_s);
       EXPECT_EQ(run_->counters().missed, 0U);
     }
+}
+
+// The clock is set before the first truth, when there is no sample yet that could move.
+TEST_F(EpochRun, AStepBeforeTheGridIsPlacedIsNone) {
+  run(config(200, ""), [](double t) { return t > 0.5 ? 0.25 : 0.05; });
+  EXPECT_EQ(clock().steps, 0U);
+  for (std::size_t k = 0; k < run_->left().size(); ++k) ASSERT_NEAR(after_grid_s(k), 0, tolerance_s) << host_s(k);
 }
 
 // UTC is set back by a second, in which a whole number of periods fits.
