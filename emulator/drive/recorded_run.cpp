@@ -252,8 +252,11 @@ void RecordedRun::execute(const RecordEvent& event) noexcept {
       if (!engine_->timeline().empty()) engine_->quality().resumed.count();
       [[fallthrough]];
     case Type::run:
-    case Type::set_clock:  // numbers the imu's samples from 0 again
       take_awaited(true);
+      propose(event);
+      break;
+    case Type::set_clock:  // numbers the imu's samples from 0 again
+      for_imus(event, [&](std::uint16_t imu) { take_awaited_of(imu, true); });
       propose(event);
       break;
     case Type::sample:

@@ -66,6 +66,7 @@ class RecordedRun {
   void take_sample(std::uint16_t imu, const RecordEvent& event) noexcept;
   bool awaits_truth(std::uint16_t imu, const RecordEvent& event) noexcept;
   void take_awaited(bool all) noexcept;
+  void take_awaited_of(std::uint16_t imu, bool all) noexcept;
   void transmit(const RecordEvent& event) noexcept;
   HostTime wait_until(HostTime instant) noexcept;
   void poll(std::int64_t polled_ns) noexcept;

@@ -26,14 +26,19 @@ bool RecordedRun::awaits_truth(std::uint16_t imu, const RecordEvent& event) noex
 
 // Takes the samples of twins whose truth has come; `all`: also if their truth never comes.
 void RecordedRun::take_awaited(bool all) noexcept {
-  if (awaited_.empty() || engine_->timeline().empty()) return;
+  for (const auto& [imu, events] : awaited_) take_awaited_of(imu, all);
+}
+
+void RecordedRun::take_awaited_of(std::uint16_t imu, bool all) noexcept {
+  const auto found = awaited_.find(imu);
+  if (found == awaited_.end() || engine_->timeline().empty()) return;
   const TruthTime newest = engine_->timeline().newest();
-  for (auto& [imu, events] : awaited_)
-    for (; !events.empty() && (all || TruthTime{events.front().a} <= newest); events.pop_front()) {
-      Step step{events.front(), imu};
-      step.at_once = true;
-      engine_->apply(step);
-    }
+  std::deque<RecordEvent>& events = found->second;
+  for (; !events.empty() && (all || TruthTime{events.front().a} <= newest); events.pop_front()) {
+    Step step{events.front(), imu};
+    step.at_once = true;
+    engine_->apply(step);
+  }
 }
 
 // Waits until the thread spins for the instant of the recorded run, in steps, so that a signal ends the wait. Returns
