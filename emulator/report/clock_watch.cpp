@@ -54,6 +54,7 @@ std::string epoch_fault(const RealtimeConfig& config, const ClockState& state) {
 
 std::string clock_error_text(const ClockFigures& clock) {
   if (!clock.state) return {};
+  if (clock.state->error != 0) return "clock error not known";
   if (!clock.state->is_synchronised) return "clock not synchronised";
   return fmt::format("clock error {} us", clock.state->error_us);
 }
@@ -69,19 +70,21 @@ nlohmann::ordered_json json(const ClockFigures& clock) {
   nlohmann::ordered_json all = {{"epoch", word_of(epoch_words, clock.epoch)},
                                 {"steps", clock.counters[&ClockCounters::steps]},
                                 {"last_step_us", 1e6 * clock.counters[&ClockCounters::last_step]}};
-  if (const auto& state = clock.state)
-    all.update({{"synchronised", state->is_synchronised},
-                {"error_us", state->error_us},
+  const auto& state = clock.state;
+  if (!state) return all;
+  all.update({{"synchronised", state->is_synchronised}, {"unsynchronised_s", clock.unsynchronised_s}});
+  if (state->error == 0)
+    all.update({{"error_us", state->error_us},
                 {"largest_error_us", clock.largest_error_us},
                 {"max_error_us", state->max_error_us},
-                {"unsynchronised_s", clock.unsynchronised_s},
                 {"tai_offset_s", state->tai_offset_s}});
   return all;
 }
 
 std::optional<std::uint64_t> find_count(const ClockFigures& clock, std::string_view name) {
   if (name == clock_count_names[0]) return clock.counters[&ClockCounters::steps];
-  if (name == clock_count_names[1]) return clock.largest_error_us;
+  if (!clock.state) return std::nullopt;
+  if (name == clock_count_names[1] && clock.state->error == 0) return clock.largest_error_us;
   if (name == clock_count_names[2]) return clock.unsynchronised_s;
   return std::nullopt;
 }

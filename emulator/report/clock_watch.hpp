@@ -32,7 +32,7 @@ struct ClockFigures {
   Epoch epoch = Epoch::none;
   Snapshot<ClockCounters> counters;
   std::optional<ClockState> state;  // of now; nullopt for Epoch::monotonic, which needs no synchronisation
-  // The greatest estimated error of the run, and the seconds in which the clock was not synchronised.
+  // The greatest estimated error of the run, and the seconds in which the clock was not known to be synchronised.
   std::uint64_t largest_error_us = 0, unsynchronised_s = 0;
 };
 // Returns "clock error 12 us", or "clock not synchronised"; empty without a state.
@@ -43,6 +43,8 @@ nlohmann::ordered_json json(const ClockFigures& clock);
 // The names of the counts that a limit may be about: the steps, and the figures of the run.
 inline constexpr std::array<std::string_view, 3> clock_count_names = {"clock.steps", "clock.error_us",
                                                                       "clock.unsynchronised_s"};
+// Returns nullopt for another name, for a figure that the epoch does not have, and for one that is not known because
+// the kernel does not give it.
 std::optional<std::uint64_t> find_count(const ClockFigures& clock, std::string_view name);
 
 // Reads the state once a second, and logs its changes and the steps of the clock. One thread.

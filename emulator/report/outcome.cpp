@@ -96,6 +96,8 @@ std::string_view word(EndedBy ended_by) noexcept {
   return "failure";
 }
 
+std::string Outcome::Required::seen_text() const { return seen ? std::to_string(*seen) : "not known"; }
+
 int Outcome::exit_code() const noexcept {
   if (ended_by == EndedBy::failure) return 1;
   bool good = is_complete();
@@ -114,13 +116,22 @@ void Outcome::judge_faults(std::vector<FaultOutcome> all, bool is_repeated) {
 void check_figures(std::span<const Requirement> requirements, const Config& config) {
   if (requirements.empty()) return;
   Summary names;
-  if (epoch_of(config) != Epoch::none) names.clock.emplace();
+  const Epoch epoch = epoch_of(config);
+  if (epoch != Epoch::none) names.clock.emplace();
+  if (epoch == Epoch::tai || epoch == Epoch::utc) names.clock->state.emplace();
   for (const ImuConfig& imu : config.imus)
     names.imus.push_back({imu.name, {}, device_counts(DeviceCounters(imu.protocol->counters)), 0, {}});
-  for (const Requirement& requirement : requirements)
-    if (!find_count(names, requirement.figure))
-      throw RequirementError(fmt::format("\"{}\": there is no figure {}; there are {}", requirement.text,
-                                         requirement.figure, fmt::join(count_names(names), ", ")));
+  for (const Requirement& requirement : requirements) {
+    if (find_count(names, requirement.figure)) continue;
+    if (epoch == Epoch::monotonic &&
+        std::ranges::find(clock_count_names, requirement.figure) != clock_count_names.end())
+      throw RequirementError(
+          fmt::format("\"{}\": realtime.epoch = \"monotonic\" is this host's own clock, which nothing synchronises, "
+                      "so there is no figure {}; leave it out, or use epoch = \"tai\" or \"utc\"",
+                      requirement.text, requirement.figure));
+    throw RequirementError(fmt::format("\"{}\": there is no figure {}; there are {}", requirement.text,
+                                       requirement.figure, fmt::join(count_names(names), ", ")));
+  }
 }
 
 Outcome judge(const Summary& summary, const Config& config, EndedBy ended_by,
@@ -156,9 +167,9 @@ Outcome judge(const Summary& summary, const Config& config, EndedBy ended_by,
       shortfalls.push_back(fmt::format("there is no truth of the format {}", config.truth.format->name));
   }
   for (const Requirement& requirement : requirements) {
-    const std::uint64_t seen = find_count(summary, requirement.figure).value_or(0);
-    const bool holds =
-        requirement.holds(static_cast<double>(seen), static_cast<double>(whole(summary, requirement.figure)));
+    const std::optional<std::uint64_t> seen = find_count(summary, requirement.figure);
+    const bool holds = seen && requirement.holds(static_cast<double>(*seen),
+                                                 static_cast<double>(whole(summary, requirement.figure)));
     outcome.required.push_back({requirement, seen, holds});
   }
   return outcome;

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -27,8 +28,10 @@ struct Outcome {
   // A limit that was required, and the figure that it is about.
   struct Required {
     Requirement requirement;
-    std::uint64_t seen = 0;
+    std::optional<std::uint64_t> seen;  // nullopt: it is not known, and the limit does not hold
     bool holds = false;
+    // Returns "301", or "not known".
+    std::string seen_text() const;
   };
   std::vector<Required> required;
   std::vector<Expected> expected;    // of the hosts

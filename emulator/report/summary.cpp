@@ -119,7 +119,8 @@ std::vector<std::string> count_names(const Summary& summary) {
   add("truth.", summary.truth.quality);
   add("record.", summary.record);
   add("control.", summary.control);
-  if (summary.clock) names.insert(names.end(), clock_count_names.begin(), clock_count_names.end());
+  for (const std::string_view name : clock_count_names)
+    if (summary.clock && find_count(*summary.clock, name)) names.emplace_back(name);
   return names;
 }
 
@@ -185,8 +186,8 @@ std::string text(const Outcome& outcome) {
       fmt::format("ended    by {}, {}{}\n", word(outcome.ended_by),
                   outcome.is_complete() ? "complete" : "incomplete: ", fmt::join(outcome.shortfalls, "; "));
   for (const Outcome::Required& limit : outcome.required)
-    out +=
-        fmt::format("required {}: {}, {}\n", limit.requirement.text, limit.holds ? "holds" : "VIOLATED", limit.seen);
+    out += fmt::format("required {}: {}, {}\n", limit.requirement.text, limit.holds ? "holds" : "VIOLATED",
+                       limit.seen_text());
   for (const FaultOutcome& fault : outcome.faults)
     if (!fault.has_begun())
       out += fmt::format("fault    {}: {}\n", fault.name,
@@ -324,7 +325,9 @@ void add(nlohmann::ordered_json& json, const Summary::Whole& whole) {
   json["shortfalls"] = outcome.shortfalls;
   json["required"] = nlohmann::ordered_json::array();
   for (const Outcome::Required& limit : outcome.required)
-    json["required"].push_back({{"limit", limit.requirement.text}, {"seen", limit.seen}, {"holds", limit.holds}});
+    json["required"].push_back({{"limit", limit.requirement.text},
+                                {"seen", limit.seen ? nlohmann::ordered_json(*limit.seen) : nlohmann::ordered_json()},
+                                {"holds", limit.holds}});
   json["expected"] = nlohmann::ordered_json::array();
   for (const Expected& one : outcome.expected)
     json["expected"].push_back({{"name", one.name}, {"text", one.text}, {"holds", one.holds}, {"seen", one.seen}});

@@ -123,7 +123,7 @@ void report(const Outcome& outcome, const Summary& summary, const Config& config
   if (!outcome.is_complete()) spdlog::error("incomplete: {}", fmt::join(outcome.shortfalls, "; "));
   for (const Outcome::Required& limit : outcome.required)
     if (!limit.holds)
-      spdlog::error("required {}, but {} is {}", limit.requirement.text, limit.requirement.figure, limit.seen);
+      spdlog::error("required {}, but {} is {}", limit.requirement.text, limit.requirement.figure, limit.seen_text());
   for (const Expected& one : outcome.expected)
     if (!one.holds) spdlog::error("expected {}: {}; {}", one.name, one.text, one.seen);
 }

@@ -99,9 +99,10 @@ std::string clock_line(const Json& counters) {
   if (!counters.contains("clock")) return {};
   const Json& clock = counters["clock"];
   std::string line = fmt::format("grids on {}", text_of(clock, "epoch"));
-  if (clock.contains("synchronised"))
-    line += clock.value("synchronised", false) ? fmt::format(", clock error {} us", count(clock, "error_us"))
-                                               : std::string(", clock not synchronised");
+  if (clock.value("synchronised", false))
+    line += fmt::format(", clock error {} us", count(clock, "error_us"));
+  else if (clock.contains("synchronised"))
+    line += clock.contains("error_us") ? ", clock not synchronised" : ", clock error not known";
   line += fmt::format(", {} steps", count(clock, "steps"));
   const Json none = Json::array();
   for (const Json& imu : counters.contains("imus") ? counters["imus"] : none)

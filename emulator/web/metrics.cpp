@@ -232,8 +232,9 @@ std::string metrics(const Summary& summary, MetricsFormat format) {
     if (clock->state) {
       text.gauge("imud_clock_synchronised", clock->state->is_synchronised ? 1 : 0,
                  "1: the epoch's clock is synchronised");
-      text.gauge("imud_clock_error_seconds", 1e-6 * static_cast<double>(clock->state->error_us),
-                 "estimated error of the epoch's clock", "seconds");
+      if (clock->state->error == 0)
+        text.gauge("imud_clock_error_seconds", 1e-6 * static_cast<double>(clock->state->error_us),
+                   "estimated error of the epoch's clock", "seconds");
     }
   }
   if (summary.has_record) add_counters(text, "imud_record_", summary.record.declared(), {{"", &summary.record}});

@@ -8,6 +8,7 @@
 
 #include "emulator/report/summary.hpp"
 #include "emulator/watch/run_text.hpp"
+#include "emulator/web/metrics.hpp"
 #include "tests/support/text.hpp"
 
 namespace imud {
@@ -80,6 +81,35 @@ TEST(ClockWatch, TheSummaryReportsTheClock) {
   EXPECT_TRUE(contains(text(summary), "clock    monotonic, 2 steps\n")) << text(summary);
 }
 
+// The kernel does not give its state, and the run was allowed nevertheless.
+TEST(ClockWatch, AnErrorThatIsNotKnownIsNotZero) {
+  Config config;
+  config.truth.port = "udp:127.0.0.1:9810";
+  Summary summary;
+  summary.clock.emplace();
+  summary.clock->epoch = Epoch::tai;
+  summary.clock->state = ClockState{.error = EPERM};
+  summary.clock->unsynchronised_s = 3;
+  EXPECT_TRUE(contains(text(summary), "clock    tai, clock error not known, 0 steps\n")) << text(summary);
+  const auto json = nlohmann::json::parse(imud::json(summary, JsonLayout::line));
+  EXPECT_EQ(json["clock"]["synchronised"], false);
+  EXPECT_EQ(json["clock"]["unsynchronised_s"], 3);
+  for (const std::string key : {"error_us", "largest_error_us", "max_error_us", "tai_offset_s"})
+    EXPECT_FALSE(json["clock"].contains(key)) << key;
+  EXPECT_EQ(clock_line(Json::parse(json.dump())), "grids on tai, clock error not known, 0 steps");
+  EXPECT_TRUE(contains(metrics(summary, MetricsFormat::text), "imud_clock_synchronised 0\n"));
+  EXPECT_FALSE(contains(metrics(summary, MetricsFormat::text), "imud_clock_error_seconds"));
+  const auto limits =
+      parse_requirements("clock.error_us<=100,clock.error_us>=0,clock.unsynchronised_s=0,clock.steps=0");
+  const Outcome outcome = judge(summary, config, EndedBy::duration, limits);
+  ASSERT_EQ(outcome.required.size(), 4U);
+  for (std::size_t i = 0; i < 4; ++i) EXPECT_EQ(outcome.required[i].holds, i == 3) << i;
+  EXPECT_EQ(outcome.required[0].seen_text(), "not known");
+  summary.whole = {outcome, 1, "", {}};
+  EXPECT_TRUE(contains(text(summary), "required clock.error_us<=100: VIOLATED, not known\n")) << text(summary);
+  EXPECT_TRUE(nlohmann::json::parse(imud::json(summary, JsonLayout::line))["required"][0]["seen"].is_null());
+}
+
 // A limit about the clock of a run without an epoch is a mistake.
 TEST(ClockWatch, ALimitOfTheClockNeedsAnEpoch) {
   Config config;
@@ -89,6 +119,17 @@ TEST(ClockWatch, ALimitOfTheClockNeedsAnEpoch) {
   EXPECT_THROW(check_figures(limits, config), RequirementError);
   config.realtime.epoch = Epoch::tai;
   EXPECT_NO_THROW(check_figures(limits, config));
+  // Nothing synchronises the host's own clock.
+  config.realtime.epoch = Epoch::monotonic;
+  EXPECT_NO_THROW(check_figures(parse_requirements("clock.steps=0"), config));
+  for (const std::string limit : {"clock.error_us<=100", "clock.unsynchronised_s=0"}) {
+    try {
+      check_figures(parse_requirements(limit), config);
+      ADD_FAILURE() << limit;
+    } catch (const RequirementError& error) {
+      EXPECT_TRUE(contains(error.what(), "realtime.epoch = \"monotonic\" is this host's own clock")) << error.what();
+    }
+  }
   config.clock = ClockMode::lockstep;
   EXPECT_THROW(check_figures(limits, config), RequirementError) << "lockstep has no grid by a clock";
 }
