@@ -161,7 +161,8 @@ int decode(const Options& options, bool& running) {
 int execute(int argc, char** argv, bool& running) {
   CLI::App app(
       "Decodes any protocol from any port: prints measurement CSV, and at the end rate, jitter, gaps and\n"
-      "checksum failures on standard error.",
+      "checksum failures on standard error. The columns are in SI units, the temperature in deg C; what else a\n"
+      "frame carries, such as attitude, magnetic field and position, is not printed.",
       "imu-decode");
   app.set_version_flag("--version", "imu-decode " IMUD_VERSION);
   Options options;

@@ -201,8 +201,7 @@ std::string none_text(const Instances& found, const std::string& name) {
                          one.path);
   if (found.running.empty()) {
     std::string text = fmt::format(
-        "no imud of this user runs that can be controlled{}: start one by imud run, without [control] socket = "
-        "\"none\"; imud status shows those that run",
+        "no imud of this user runs{}: start one by imud run; one with [control] socket = \"none\" is not shown",
         name.empty() ? "" : ", so that none is named " + name);
     if (!found.killed.empty()) text += fmt::format("; killed were: {}", names_text(found.killed));
     return text;

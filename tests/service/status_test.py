@@ -26,7 +26,7 @@ class StatusTest(RunsTest):
     def test_nothing_runs(self):
         code, text = self.imud("status", "no-such-run")
         self.assertEqual(code, 1)
-        self.assertRegex(text, "^imud: (no imud of this user runs that can be controlled, so that none is named no-such-run: |there is no no-such-run; those that run: )")
+        self.assertRegex(text, "^imud: (no imud of this user runs, so that none is named no-such-run: |there is no no-such-run; those that run: )")
         self.assertEqual(self.runs("no-such-run"), (1, {}))
 
     def test_a_run(self):
