@@ -104,6 +104,16 @@ std::optional<ShardHead> head_in(const std::string& line) {
   }
 }
 
+// Returns true if no process has that number, or one that has ended and for which its parent has not waited.
+bool has_ended(pid_t process) {
+  if (::kill(process, 0) != 0) return errno == ESRCH;
+  std::ifstream file(fmt::format("/proc/{}/stat", process));
+  std::string text;
+  std::getline(file, text);
+  const std::size_t name_end = text.rfind(')');
+  return name_end != std::string::npos && text.compare(name_end, 3, ") Z") == 0;
+}
+
 }  // namespace
 
 std::optional<CaseRange> CaseRange::parse(std::string_view text) noexcept {
@@ -199,7 +209,7 @@ std::string TemporaryFile::file_name() const {
 }
 
 bool TemporaryFile::is_left_behind() const {
-  return host == this_host() && space == this_space() && process > 0 && ::kill(process, 0) != 0 && errno == ESRCH;
+  return host == this_host() && space == this_space() && process > 0 && has_ended(process);
 }
 
 ShardWriter::ShardWriter(std::filesystem::path folder, const ShardHead& head)

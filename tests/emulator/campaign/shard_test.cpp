@@ -133,10 +133,14 @@ TEST_F(Shards, AFailedWriteIsNamed) {
 TEST_F(Shards, OnlyAnEndedProcessOfThisHostHasLeftItsFileBehind) {
   const pid_t child = ::fork();
   if (child == 0) ::_exit(0);
-  ASSERT_EQ(::waitpid(child, nullptr, 0), child);
   TemporaryFile file("000000000-000000099");
   EXPECT_FALSE(file.is_left_behind());
   file.process = child;
+  // It has ended, but keeps its number until its parent waits for it.
+  siginfo_t ended{};
+  ASSERT_EQ(::waitid(P_PID, static_cast<id_t>(child), &ended, WEXITED | WNOWAIT), 0);
+  EXPECT_TRUE(file.is_left_behind());
+  ASSERT_EQ(::waitpid(child, nullptr, 0), child);
   const auto parsed = TemporaryFile::parse(file.file_name());
   ASSERT_TRUE(parsed);
   EXPECT_EQ(parsed->name, file.name);
