@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "emulator/drive/truth_pieces.hpp"
-#include "emulator/ground/batch_ring.hpp"
+#include "emulator/engine/batch_ring.hpp"
 
 namespace imud {
 

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "core/sample.hpp"
-#include "emulator/ground/batch_ring.hpp"
+#include "emulator/engine/batch_ring.hpp"
 #include "emulator/imu/channel.hpp"
 
 namespace imud {

@@ -8,7 +8,6 @@
 #include <algorithm>
 #include <array>
 #include <boost/algorithm/string/case_conv.hpp>
-#include <boost/algorithm/string/replace.hpp>
 #include <cerrno>
 #include <charconv>
 #include <cstdio>
@@ -21,6 +20,7 @@
 #include "emulator/config/load_config.hpp"
 #include "emulator/config/presets.hpp"
 #include "emulator/frames/described_protocols.hpp"
+#include "emulator/ground/shell_word.hpp"
 #include "emulator/ground/table_reader.hpp"
 #include "emulator/ground/text_file.hpp"
 #include "emulator/init/example.hpp"
@@ -30,14 +30,6 @@
 
 namespace imud {
 namespace {
-
-// Returns a word as a shell takes it.
-std::string shell_word(const std::string& text) {
-  constexpr std::string_view plain = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-_./:,=+@%";
-  return !text.empty() && text.find_first_not_of(plain) == text.npos
-             ? text
-             : "'" + boost::replace_all_copy(text, "'", "'\\''") + "'";
-}
 
 std::string frame_of(const InitOptions& options, const ChosenTruth& truth, const std::string& imu) {
   const Config config = config_of_text(truth.toml + imu);

@@ -23,18 +23,13 @@
 #include <stdexcept>
 #include <system_error>
 
+#include "emulator/ground/shell_word.hpp"
+
 namespace imud {
 
 namespace {
 
 constexpr int by_signal = 128;  // the shell's exit code of a command that a signal has ended, less the signal
-
-// Returns a word of the shell with that text.
-std::string in_quotes(const std::string& text) {
-  constexpr std::string_view safe = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_@%+=:,./-";
-  if (!text.empty() && text.find_first_not_of(safe) == text.npos) return text;
-  return "'" + boost::replace_all_copy(text, "'", "'\\''") + "'";
-}
 
 [[noreturn]] void become(const std::string& command, const TestCommand::Options& options) {
   ::prctl(PR_SET_PDEATHSIG, SIGKILL);
@@ -143,7 +138,7 @@ constexpr std::size_t longest_command =
 }  // namespace
 
 std::string with_values(std::string command, const std::map<std::string, std::string>& values) {
-  for (const auto& [name, value] : values) boost::replace_all(command, "{" + name + "}", in_quotes(value));
+  for (const auto& [name, value] : values) boost::replace_all(command, "{" + name + "}", shell_word(value));
   return command;
 }
 

@@ -15,6 +15,7 @@
 #include <stdexcept>
 #include <system_error>
 
+#include "emulator/ground/shell_word.hpp"
 #include "emulator/ground/text_file.hpp"
 
 namespace imud {
@@ -50,15 +51,6 @@ bool is_left_behind(const std::filesystem::path& file, const TemporaryFile& name
 std::string content_of(const std::filesystem::path& path) {
   std::ifstream file(path, std::ios::binary);
   return {std::istreambuf_iterator<char>(file), {}};
-}
-
-// Returns the text as one word of a POSIX shell, in quotes where it needs them.
-std::string in_shell_quotes(const std::string& text) {
-  constexpr std::string_view plain = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-_./:,=+@%";
-  if (!text.empty() && text.find_first_not_of(plain) == text.npos) return text;
-  std::string word = "'";
-  for (const char c : text) word += c == '\'' ? std::string("'\\''") : std::string(1, c);
-  return word + "'";
 }
 
 // Returns the first line in which two texts differ: "line 3 is X there and Y here".
@@ -116,11 +108,10 @@ ResultFolder::ResultFolder(const std::filesystem::path& path, const CampaignDesc
   }
 }
 
-std::string ResultFolder::resume_command() const { return "imud campaign resume " + in_shell_quotes(path_.string()); }
+std::string ResultFolder::resume_command() const { return "imud campaign resume " + shell_word(path_.string()); }
 
 std::string ResultFolder::repeat_command(std::uint64_t index) const {
-  return fmt::format("imud campaign repeat {} {} --record case_{}.pcapng", in_shell_quotes(path_.string()), index,
-                     index);
+  return fmt::format("imud campaign repeat {} {} --record case_{}.pcapng", shell_word(path_.string()), index, index);
 }
 
 void ResultFolder::keep_plan(std::string_view plan_text) const {

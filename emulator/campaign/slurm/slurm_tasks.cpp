@@ -3,10 +3,10 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <boost/algorithm/string/replace.hpp>
 #include <charconv>
 #include <cmath>
 
+#include "emulator/ground/shell_word.hpp"
 #include "emulator/ground/text_file.hpp"
 
 namespace imud {
@@ -85,10 +85,6 @@ std::string array_indices(std::span<const std::uint64_t> numbers) {
     if (end - begin > 1) text += fmt::format("-{}", numbers[end - 1]);
   }
   return text;
-}
-
-std::string shell_word(std::string_view text) {
-  return "'" + boost::replace_all_copy(std::string(text), "'", R"('\'')") + "'";
 }
 
 std::string SlurmScript::text(const SlurmTasks& tasks) const {

@@ -51,9 +51,6 @@ std::uint64_t batch_for_slurm(std::uint64_t cases, double case_s, std::uint64_t 
 // Returns ascending numbers as sbatch takes them: "0-3,7,9-12".
 std::string array_indices(std::span<const std::uint64_t> numbers);
 
-// Returns a text as one word of a POSIX shell, whatever it contains.
-std::string shell_word(std::string_view text);
-
 // The script of an array, whose argument is the task of number 0. All paths are absolute.
 struct SlurmScript {
   std::string program;  // imud

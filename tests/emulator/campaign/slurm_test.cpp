@@ -18,6 +18,7 @@
 #include "emulator/campaign/slurm/command_output.hpp"
 #include "emulator/campaign/slurm/slurm_queue.hpp"
 #include "emulator/campaign/slurm/slurm_tasks.hpp"
+#include "emulator/ground/shell_word.hpp"
 #include "emulator/ground/text_file.hpp"
 #include "tests/tools/run_program.hpp"
 
