@@ -48,12 +48,12 @@ LineConnection connect_by_socket(const CtlOptions& options) {
   std::string path = options.socket;
   if (path.empty()) {
     const Instances found = find_instances();
-    for (const Instance& one : found.running)
-      if (options.name.empty() ? found.running.size() == 1 : one.name == options.name) path = one.path;
-    if (path.empty()) {
+    const Instance* const instance = found.running_by_name(options.name);
+    if (instance == nullptr) {
       fail(none_text(found, options.name));
       return LineConnection();
     }
+    path = instance->path;
   }
   FileDescriptor socket = connect_to_socket(path);
   if (!socket) fail(failure_text(path, errno));

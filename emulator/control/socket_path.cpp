@@ -194,6 +194,12 @@ Instances find_instances() {
   return found;
 }
 
+const Instance* Instances::running_by_name(const std::string& name) const {
+  if (name.empty()) return running.size() == 1 ? &running[0] : nullptr;
+  const auto found = std::ranges::find(running, name, &Instance::name);
+  return found == running.end() ? nullptr : &*found;
+}
+
 std::string none_text(const Instances& found, const std::string& name) {
   for (const Instance& one : found.killed)
     if (one.name == name)

@@ -56,6 +56,8 @@ struct Instance {
 // sockets of another user, whose processes may run or not.
 struct Instances {
   std::vector<Instance> running, killed, foreign;
+  // Returns the running one that is meant by `name`, of several the one in the first folder; by no name the only one.
+  const Instance* running_by_name(const std::string& name) const;
 };
 Instances find_instances();
 // Returns words for people: why no running instance is meant by `name`, or, if that is empty, by no name.

@@ -103,9 +103,7 @@ int top(const std::string& name) {
         "top: standard input or output is no terminal; imud status, and imud ctl subscribe what=counters, print text",
         2);
   const Instances found = find_instances();
-  const Instance* instance = nullptr;
-  for (const Instance& one : found.running)
-    if (name.empty() ? found.running.size() == 1 : one.name == name) instance = &one;
+  const Instance* const instance = found.running_by_name(name);
   if (instance == nullptr) return refuse(none_text(found, name), 1);
   LineConnection run(connect_to_socket(instance->path));
   TopView view(instance->name);

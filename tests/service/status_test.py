@@ -60,8 +60,11 @@ class StatusTest(RunsTest):
 
     def test_faults_power_and_readers(self):
         self.start(more=f'name = "a"\n[[imu]]\nname = "b"\nprotocol = "stim300"\nport = "pty:{self.folder}/b"\n')
-        self.assertEqual(self.imud("ctl", "power", "imu=a", "state=off")[0], 0)
-        self.assertEqual(self.imud("ctl", "fault.begin", "name=broken", "imu=b", "target=gyro.x", "kind=bias", "value=0.1")[0], 0)
+        for words in (("power", "imu=a", "state=off"),
+                      ("fault.begin", "name=broken", "imu=b", "target=gyro.x", "kind=bias", "value=0.1")):
+            # Without its name, imud asks which one is meant while another test's run goes on.
+            code, text = self.imud("ctl", "--name", "bench", *words)
+            self.assertEqual(code, 0, text)
         code, text = self.imud("status", "bench")
         self.assertEqual(code, 0)
         self.assertRegex(text, r"(?m)file:/dev/null, power off$")

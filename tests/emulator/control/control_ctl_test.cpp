@@ -94,6 +94,25 @@ TEST_F(ControlCtl, NamesTheRunThatWasKilled) {
   EXPECT_FALSE(std::filesystem::exists(path("imud-bench.sock")));
 }
 
+TEST_F(ControlCtl, TakesOfTwoRunsOfOneNameTheOneInTheFirstFolder) {
+  const std::string config = named("bench");
+  ASSERT_TRUE(std::filesystem::create_directory(path("service")));
+  ASSERT_EQ(::chmod(path("service").c_str(), 0700), 0);
+  Program later("imud"), first("imud");
+  start(later, config);
+  ASSERT_TRUE(later.wait_for_errors("ready")) << later.errors();
+  ::setenv("RUNTIME_DIRECTORY", path("service").c_str(), 1);
+  first.start({"run", config, "--set", "truth.port=udp:127.0.0.1:0"});
+  const bool is_ready = first.wait_for_errors("ready");
+  const Result status = ctl({"--name", "bench", "status", "--json"});
+  ::unsetenv("RUNTIME_DIRECTORY");
+  ASSERT_TRUE(is_ready) << first.errors();
+  ASSERT_EQ(status.exit_code, 0) << status.text;
+  EXPECT_EQ(nlohmann::json::parse(status.text)["pid"], first.pid());
+  EXPECT_EQ(first.stop(), 0);
+  EXPECT_EQ(later.stop(), 0);
+}
+
 // No later run has the process number of one that was killed.
 TEST_F(ControlCtl, TheNextRunRemovesSocketsOfProcessNumbers) {
   const std::string config = named("");
