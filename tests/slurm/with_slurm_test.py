@@ -160,6 +160,17 @@ class WithSlurm(unittest.TestCase):
         self.assertEqual(program.returncode, 128 + signal.SIGTERM)
         self.assert_nothing_left()
 
+    def test_a_signal_while_the_nodes_become_idle_ends_the_start(self):
+        (self.work / "bin").mkdir()
+        sinfo = self.work / "bin/sinfo"
+        sinfo.write_text('#!/bin/sh\nkill -TERM "$PPID"\necho "n1 idle"\n')
+        sinfo.chmod(0o755)
+        # The command cannot be run: the exit code would be another one.
+        code, output, errors = self.run_script("--nodes", "1", "--", "/nowhere",
+                                               PATH=f"{self.work}/bin:{os.environ['PATH']}")
+        self.assertEqual((code, output, errors), (128 + signal.SIGTERM, "", ""))
+        self.assert_nothing_left()
+
     def test_exit_codes(self):
         for command, code in ((["true"], 0), (["/nowhere"], 127), ([str(self.work)], 126),
                               (["sh", "-c", "kill -KILL $$"], 137)):
