@@ -1,0 +1,122 @@
+"""Eight hosts of a rack sample at the same instants: one joins late, one is cut off and comes back, and the source of truth dies.
+
+usage: hosts_test.py BUILD_FOLDER SOURCE_FOLDER
+
+What load cannot disturb is tested: the instants at which samples were due, which are in the records, and that none is missing. How late
+they leave is measured by the target `rack_timing`. Needs root and ip (iproute2), otherwise nothing is tested, and the exit code is 77.
+"""
+import json
+import pathlib
+import struct
+import sys
+import tempfile
+import time
+import unittest
+
+BUILD, SOURCE = (pathlib.Path(argument).resolve() for argument in (sys.argv.pop(1), sys.argv.pop(1)))
+sys.path[:0] = [str(SOURCE / "tools/python"), str(pathlib.Path(__file__).parent)]
+import rack  # noqa: E402
+from imud.record import load_record  # noqa: E402
+
+LATE, CUT = 7, 3  # the numbers of hosts
+CUT_S = 10
+TRANSMIT, SKIPPED = 12, 1  # RecordEvent, transports/capture/record_packet.hpp
+
+
+def eventually(condition):
+    end = time.monotonic() + rack.LIMIT_S
+    while not condition():
+        if time.monotonic() > end:
+            return False
+        time.sleep(0.05)
+    return True
+
+
+class Host:
+    """What a host's files state."""
+
+    def __init__(self, rig, number):
+        self.summary = json.loads(rig.file(number, "json").read_text())
+        self.imu, self.truth = self.summary["imus"][0], self.summary["truth"]
+        events = [struct.unpack("<BBHIqqq", packet.data) for packet in load_record(rig.file(number, "pcapng")).of("imud")]
+        self.due = [a for kind, _, _, _, a, _, _ in events if kind == TRANSMIT]
+        self.skipped = sum(kind == TRANSMIT and flags & SKIPPED for kind, flags, *_ in events)
+        self.first = self.imu["first_k"]
+
+
+class HostsTest(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        folder = tempfile.TemporaryDirectory()
+        cls.addClassCleanup(folder.cleanup)
+        rig = rack.Rack(BUILD, SOURCE, folder.name)
+        cls.addClassCleanup(rig.end)
+        everyone = range(len(rig.hosts))
+        on_time = [number for number in everyone if number != LATE]
+
+        def lines(number):
+            """The samples of a host that move: it samples truth, and the motion is not held."""
+            text = rig.file(number, "csv").read_text() if rig.file(number, "csv").exists() else ""
+            return [line for line in text.splitlines()[1:] if line.count(",") >= 15 and float(line.split(",")[4]) != 0]
+
+        def samples(numbers, count=100):
+            """Waits until each of the hosts has so many more samples of truth."""
+            before = {number: len(lines(number)) for number in numbers}
+            for number in numbers:
+                if not eventually(lambda: len(lines(number)) >= before[number] + count):
+                    raise AssertionError(f"host {number} has no samples of truth: " + rig.file(number, "log").read_text())
+
+        for number in on_time:
+            rig.start(number)
+        source = rig.source()
+        samples(on_time)
+        rig.start(LATE)
+        samples([LATE])
+        rig.cut(CUT, True)
+        time.sleep(CUT_S)
+        rig.cut(CUT, False)
+        samples([CUT])
+        source.kill()  # and with it the map from the hosts' clock to the simulator's time
+        time.sleep(1)
+        rig.source()
+        samples(everyone)
+        for imud in rig.imuds.values():
+            imud.send_signal(2)
+        cls.exit_codes = [rig.imuds[number].wait(rack.LIMIT_S) for number in everyone]
+        cls.hosts = [Host(rig, number) for number in everyone]
+        cls.logs = [rig.file(number, "log").read_text() for number in everyone]
+
+    def test_no_sample_is_lost(self):
+        for number, host in enumerate(self.hosts):
+            with self.subTest(host=number):
+                self.assertEqual(self.exit_codes[number], 0, self.logs[number])
+                self.assertEqual(host.imu["samples"], len(host.due))
+                self.assertEqual((host.imu["dropped"], host.skipped, host.summary["clock"]["steps"]), (0, 0, 0))
+
+    def test_sample_k_is_due_at_the_same_instant_on_all_hosts(self):
+        for number, host in enumerate(self.hosts):
+            with self.subTest(host=number):
+                self.assertGreater(len(host.due), 300)
+                self.assertEqual(host.due, [(host.first + k) * rack.PERIOD_NS for k in range(len(host.due))])
+
+    def test_a_host_that_joins_late_is_at_the_current_k(self):
+        late = self.hosts[LATE]
+        for number, host in enumerate(self.hosts):
+            if number != LATE:
+                self.assertGreater(late.first, host.first)
+                self.assertLess(late.first, host.first + len(host.due), "the hosts run at the same time")
+        self.assertEqual(late.first % rack.RATE_HZ, 0, "the first sample is at a whole second")
+
+    def test_a_host_that_was_cut_off_counts_what_it_has_missed(self):
+        # The source sends 2000 truths while the host is cut off, less by what a busy machine holds up at both ends.
+        self.assertGreater(self.hosts[CUT].truth["lost"], 1000)
+        self.assertGreater(self.hosts[CUT].imu["held"], 1000)
+
+
+if __name__ == "__main__":
+    try:
+        rack.Rack(BUILD, SOURCE, "/nowhere", count=1).end()
+    except rack.Missing as why:
+        print(f"not tested: {why}")
+        sys.exit(77)
+    unittest.main(verbosity=2)
