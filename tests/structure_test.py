@@ -41,7 +41,7 @@ FLOORS = {
     "transports": ["port.hpp port_spec.* endpoint.* host_clock.hpp file_descriptor.hpp byte_writer.* "
                    "loaded_library.hpp",
                    "can/ file/ socket/ uart/", "capture/", ""],
-    "emulator": ["ground/", "campaign/shards/ plan/", "faults/ frames/", "config/", "truth/", "imu/", "engine/", "record/", "drive/", "report/", "control/",
+    "emulator": ["ground/", "campaign/shards/ plan/", "faults/ frames/", "config/", "truth/", "imu/", "engine/", "record/", "drive/", "report/ programs/", "control/",
                  "web/", "run/", "seeds/", "campaign/cases/ campaign/slurm/ campaign/status/", "campaign/", "init/ watch/", "commands/", ""],
     "tools": ["*_client.hpp duration_text.* gnuplot.* number_check.hpp output_options.hpp program.* "
               "setting_texts.hpp stop_signal.* stream_*.* text_output.*", "input/ replay/ vcan/ checks/", "arrays/ find/", "truth/", "allan/",

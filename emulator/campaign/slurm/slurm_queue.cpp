@@ -11,8 +11,8 @@
 #include <boost/algorithm/string/trim.hpp>
 #include <optional>
 
-#include "emulator/campaign/slurm/command_output.hpp"
 #include "emulator/ground/text_file.hpp"
+#include "emulator/programs/command_output.hpp"
 #include "protocols/wire/number_text.hpp"
 
 namespace imud {

@@ -15,11 +15,11 @@
 #include <thread>
 #include <vector>
 
-#include "emulator/campaign/slurm/command_output.hpp"
 #include "emulator/campaign/slurm/slurm_queue.hpp"
 #include "emulator/campaign/slurm/slurm_tasks.hpp"
 #include "emulator/ground/shell_word.hpp"
 #include "emulator/ground/text_file.hpp"
+#include "emulator/programs/command_output.hpp"
 #include "tests/tools/run_program.hpp"
 
 namespace imud {
