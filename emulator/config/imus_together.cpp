@@ -1,5 +1,4 @@
 #include <map>
-#include <set>
 
 #include "core/numbers/random.hpp"
 #include "emulator/config/config_parts.hpp"
@@ -117,10 +116,7 @@ class Together {
       if (!filter.inverted && filter.data &&
           (filter.mask & (filter.extended ? whole : whole_standard)) == (filter.extended ? whole : whole_standard))
         received_.push_back({{address_of(imu.port), filter.id | (filter.extended ? extended : 0U)}, i_});
-    std::set<std::uint32_t> ids;
-    for (const CanMessage& sent : imu.protocol->can_messages(imu.settings, imu.rate_hz))
-      if (!sent.is_assigned) ids.insert(sent.can.id | (sent.can.extended ? extended : 0U));
-    for (const std::uint32_t id : ids)
+    for (const std::uint32_t id : fixed_identifiers(imu))
       if (const auto [at, is_new] = identifiers_.emplace(std::pair{address_of(imu.port), id}, i_); !is_new)
         return clash("device", at->second, fmt::format("the same CAN identifier {:#x} on the same bus", id & whole));
   }

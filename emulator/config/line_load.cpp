@@ -199,6 +199,14 @@ bool carries_stamp(const ImuConfig& imu) {
   return bytes_of(second) != bytes_of(0);
 }
 
+std::set<std::uint32_t> fixed_identifiers(const ImuConfig& imu) {
+  std::set<std::uint32_t> identifiers;
+  if (imu.protocol->link != Link::can) return identifiers;
+  for (const CanMessage& sent : imu.protocol->can_messages(imu.settings, imu.rate_hz))
+    if (!sent.is_assigned) identifiers.insert(sent.can.id | (sent.can.extended ? 1U << 31U : 0U));
+  return identifiers;
+}
+
 std::vector<SentFrames> sent_frames(const ImuConfig& imu, std::uint8_t uart) {
   if (imu.protocol->link == Link::can) {
     std::vector<SentFrames> all;

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <set>
 #include <span>
 #include <vector>
 
@@ -40,6 +41,10 @@ struct SentFrames {
 // start-up, or one sample of any other protocol. The imu's protocol must be valid. `uart`: only frames with this
 // Frame::uart.
 std::vector<SentFrames> sent_frames(const ImuConfig& imu, std::uint8_t uart = 0);
+
+// Returns the CAN identifiers that the imu sends and that no host assigns, of extended frames with bit 31. Empty for
+// other links. The imu's protocol must be valid.
+std::set<std::uint32_t> fixed_identifiers(const ImuConfig& imu);
 
 // Returns the load of the wire of the port, or of the second port (`uart` 1), by sent_frames(), which for a product
 // takes two seconds of samples: ImuConfig has it as it was read. The imu's protocol and that port must be valid.
