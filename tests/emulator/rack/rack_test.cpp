@@ -1,0 +1,121 @@
+// Racks: the reader of their file.
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <string>
+#include <vector>
+
+#include "emulator/plan/config.hpp"
+#include "emulator/rack/rack_hosts.hpp"
+
+namespace imud {
+namespace {
+
+namespace fs = std::filesystem;
+
+using Texts = std::vector<std::string>;
+
+class RackTest : public ::testing::Test {
+ protected:
+  RackTest() {
+    std::string name = (fs::temp_directory_path() / "imud_rack.XXXXXX").string();
+    if (::mkdtemp(name.data()) == nullptr) throw std::runtime_error("no folder");
+    folder_ = name;
+  }
+  ~RackTest() override { fs::remove_all(folder_); }
+
+  void write(const std::string& file, const std::string& text) const { std::ofstream(folder_ / file) << text; }
+  std::string rack_file() const { return (folder_ / "rack.toml").string(); }
+
+  // Without the folder, whose name differs from run to run.
+  Texts without_folder(Texts texts) const {
+    const std::string prefix = folder_.string() + "/";
+    for (std::string& text : texts)
+      for (std::size_t at = 0; (at = text.find(prefix)) != text.npos;) text.erase(at, prefix.size());
+    return texts;
+  }
+
+  // Returns the faults of a rack's file alone.
+  Texts faults_of(const std::string& text) const {
+    write("rack.toml", text);
+    try {
+      read_rack(rack_file());
+    } catch (const ConfigError& error) {
+      return without_folder(error.faults);
+    }
+    return {};
+  }
+
+  fs::path folder_;
+};
+
+TEST_F(RackTest, IsReadWithItsDefaults) {
+  write("rack.toml", R"(time_limit_s = 3
+[[host]]
+name = "bench1"
+runs = ["nose.toml", "sub/tail.toml"]
+[[host]]
+name = "here"
+local = true
+service = "user"
+runs = ["/etc/imud/nose.toml"]
+)");
+  const Rack rack = read_rack(rack_file());
+  EXPECT_EQ(rack.time_limit, std::chrono::seconds(3));
+  ASSERT_EQ(rack.hosts.size(), 2U);
+  EXPECT_EQ(rack.hosts[0].ssh, "bench1");
+  EXPECT_EQ(rack.hosts[0].service, RackHost::Service::system);
+  ASSERT_EQ(rack.hosts[0].runs.size(), 2U);
+  EXPECT_EQ(rack.hosts[0].runs[1].name, "tail");
+  EXPECT_EQ(rack.hosts[0].runs[1].file, (folder_ / "sub/tail.toml").string());
+  EXPECT_EQ(rack.hosts[0].runs[1].line, 4U);
+  EXPECT_EQ(rack.hosts[1].ssh, "");
+  EXPECT_EQ(rack.hosts[1].service, RackHost::Service::user);
+  EXPECT_EQ(rack.hosts[1].runs[0].file, "/etc/imud/nose.toml");
+}
+
+TEST_F(RackTest, EachFaultOfTheFileHasItsLineAndItsRemedy) {
+  EXPECT_EQ(faults_of(""), Texts{"rack.toml: host: missing; give at least one [[host]]"});
+  EXPECT_EQ(faults_of("host = []\n"), Texts{"rack.toml:1: host: give at least one [[host]]"});
+  EXPECT_EQ(faults_of("[[host]]\nnmae = \"a\"\nruns = [\"a.toml\"]\n"),
+            (Texts{"rack.toml:1: host.0.name: missing; give what people call the host, such as \"bench1\"",
+                   "rack.toml:2: host.0.nmae: unknown key; did you mean \"name\"?"}));
+  EXPECT_EQ(faults_of("[[host]]\nname = \"a\"\n"),
+            Texts{"rack.toml:1: host.0.runs: missing; give the configurations that imud runs there, such as "
+                  "[\"nose.toml\"]"});
+  EXPECT_EQ(faults_of("[[host]]\nname = \"a b\"\nruns = [\"a.toml\"]\n"),
+            Texts{"rack.toml:2: host.0.name: give letters, digits, -, _ and dots, such as \"bench1\""});
+  // Neither ssh nor a shell may take it for an option.
+  const std::string no_destination =
+      ": give what ssh takes as its destination, such as \"root@bench1\", or local = true";
+  EXPECT_EQ(faults_of("[[host]]\nname = \"a\"\nssh = \"-oProxyCommand=x\"\nruns = [\"a.toml\"]\n"),
+            Texts{"rack.toml:3: host.0.ssh" + no_destination});
+  EXPECT_EQ(faults_of("[[host]]\nname = \"a\"\nssh = \"\"\nruns = [\"a.toml\"]\n"),
+            Texts{"rack.toml:3: host.0.ssh" + no_destination});
+  EXPECT_EQ(faults_of("[[host]]\nname = \"a\"\nssh = \"b\"\nlocal = true\nruns = [\"a.toml\"]\n"),
+            Texts{"rack.toml:3: host.0.ssh: without effect with local = true, which runs imud on this machine; omit "
+                  "one of the two"});
+  EXPECT_EQ(faults_of("[[host]]\nname = \"a\"\nservice = \"root\"\nruns = [\"a.toml\"]\n"),
+            Texts{"rack.toml:3: host.0.service: give one of \"system\", \"user\""});
+  const std::string list = ": give a list of configurations, such as [\"nose.toml\", \"tail.toml\"]";
+  for (const char* wrong : {"[]", "\"a.toml\"", "[1]"})
+    EXPECT_EQ(faults_of(std::string("[[host]]\nname = \"a\"\nruns = ") + wrong + "\n"),
+              Texts{"rack.toml:3: host.0.runs" + list});
+  EXPECT_EQ(
+      faults_of("[[host]]\nname = \"a\"\nruns = [\"a.toml\", \"b/a.toml\", \"c.pcapng\", \"-d.toml\"]\n"),
+      (Texts{"rack.toml:3: host.0.runs: b/a.toml: another run of this host has the name a, too; rename the file",
+             "rack.toml:3: host.0.runs: c.pcapng: give a file NAME.toml, which imud@NAME runs",
+             "rack.toml:3: host.0.runs: -d.toml: its name becomes that of the run, imud@NAME: give up to 40 "
+             "letters, digits, - and _"}));
+  EXPECT_EQ(faults_of("[[host]]\nname = \"a\"\nruns = [\"a.toml\"]\n[[host]]\nname = \"a\"\nssh = \"b\"\nruns = "
+                      "[\"a.toml\"]\n[[host]]\nname = \"b\"\nruns = [\"a.toml\"]\n"),
+            (Texts{"rack.toml:5: host.1.name: another host has this name; give another",
+                   "rack.toml:8: host.2.ssh: the same machine as host a; give all its runs there"}));
+  EXPECT_EQ(faults_of("time_limit_s = 0\n[[host]]\nname = \"a\"\nruns = [\"a.toml\"]\n"),
+            Texts{"rack.toml:1: time_limit_s: 0 is out of range; give a number from 1 to 3600"});
+}
+
+}  // namespace
+}  // namespace imud
