@@ -30,6 +30,7 @@
 #include "emulator/init/example.hpp"
 #include "emulator/init/init.hpp"
 #include "emulator/plan/config.hpp"
+#include "emulator/rack/rack_commands.hpp"
 #include "emulator/report/log.hpp"
 #include "emulator/run/run.hpp"
 #include "emulator/seeds/seeds.hpp"
@@ -278,6 +279,7 @@ int execute(int argc, const char* const* argv) {
   RunCommands run_commands(app);
   const std::vector<std::string> given = command_words(argc, argv);
   CampaignCommands campaign_commands(app, !given.empty() && given.front() == "campaign");
+  RackCommands rack_commands(app, !given.empty() && given.front() == "rack");
 
   app.add_subcommand("help", "Show the help of imud, that of a command, or what is known of a key or a word")
       ->add_option("TOPIC",
@@ -330,6 +332,7 @@ int execute(int argc, const char* const* argv) {
     if (init_command->parsed()) return init(init_options);
     if (const std::optional<int> exit_code = run_commands.execute()) return *exit_code;
     if (const std::optional<int> exit_code = campaign_commands.execute()) return *exit_code;
+    if (const std::optional<int> exit_code = rack_commands.execute()) return *exit_code;
     if (pty_command->parsed()) return keep_ptys(links, background);
     if (selftest_command->parsed()) {
       const Config config =

@@ -90,7 +90,7 @@ class CompletionTest(unittest.TestCase):
         cases = [([*words, "--"], [name for name in options(words) if name.startswith("--")]) for words in commands()]
         cases += [(["imud", ""], [words[1] for words in commands() if len(words) == 2]),
                   (["imud", "help", ""], [words[1] for words in commands() if len(words) == 2]),
-                  (["imud", "campaign", ""], [words[2] for words in commands() if len(words) == 3]),
+                  *((["imud", group, ""], [words[2] for words in commands() if len(words) == 3 and words[1] == group]) for group in ("campaign", "rack")),
                   (["imud", "help", "truth.d"], ["truth.delay_ms"]),
                   (["imud", "help", "async"], ["async_type", "async_hz"]),
                   (["imud", "example", ""], names("protocol", "truth format", "preset")),

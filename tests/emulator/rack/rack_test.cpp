@@ -1,14 +1,15 @@
-// Racks: the reader of their file.
+// Racks: the reader of their file, and what their configurations must have, and must not have, in common.
 #include <gtest/gtest.h>
 
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <map>
 #include <string>
 #include <vector>
 
 #include "emulator/plan/config.hpp"
-#include "emulator/rack/rack_hosts.hpp"
+#include "emulator/rack/rack_check.hpp"
 
 namespace imud {
 namespace {
@@ -48,8 +49,57 @@ class RackTest : public ::testing::Test {
     return {};
   }
 
+  // Returns the faults of a rack with its configurations; the warnings are in warnings_.
+  Texts faults_together(const std::string& hosts) {
+    write("rack.toml", hosts);
+    const Rack rack = read_rack(rack_file());
+    Texts faults;
+    warnings_.clear();
+    try {
+      load_rack(rack, warnings_);
+    } catch (const ConfigError& error) {
+      faults = without_folder(error.faults);
+    }
+    warnings_ = without_folder(warnings_);
+    return faults;
+  }
+
   fs::path folder_;
+  Texts warnings_;
 };
+
+constexpr const char* rack_of_two_hosts = R"([[host]]
+name = "bench1"
+runs = ["nose.toml"]
+[[host]]
+name = "bench2"
+runs = ["tail.toml"]
+)";
+constexpr const char* rack_of_one_host = R"([[host]]
+name = "bench1"
+runs = ["nose.toml", "tail.toml"]
+)";
+
+// The parts of a configuration that two runs may have differently.
+struct RunParts {
+  std::string name = "nose";
+  std::string clock = "realtime", epoch = "tai", truth = "udp:239.1.2.3:9810", format = "native", delay = "20";
+  std::string port = "pty:/tmp/imud_rack_nose", protocol = "stim300";
+  std::string more;  // below [[imu]]
+  std::string tables;
+
+  std::string text() const {
+    return "clock = \"" + clock + "\"\n[realtime]\nepoch = \"" + epoch + "\"\n[truth]\nport = \"" + truth +
+           "\"\nformat = \"" + format + "\"\ndelay_ms = " + delay + "\n" + tables + "[[imu]]\nname = \"" + name +
+           "\"\nprotocol = \"" + protocol + "\"\nport = \"" + port + "\"\n" + more;
+  }
+};
+RunParts tail_parts() {
+  RunParts parts;
+  parts.name = "tail";
+  parts.port = "pty:/tmp/imud_rack_tail";
+  return parts;
+}
 
 TEST_F(RackTest, IsReadWithItsDefaults) {
   write("rack.toml", R"(time_limit_s = 3
@@ -115,6 +165,24 @@ TEST_F(RackTest, EachFaultOfTheFileHasItsLineAndItsRemedy) {
                    "rack.toml:8: host.2.ssh: the same machine as host a; give all its runs there"}));
   EXPECT_EQ(faults_of("time_limit_s = 0\n[[host]]\nname = \"a\"\nruns = [\"a.toml\"]\n"),
             Texts{"rack.toml:1: time_limit_s: 0 is out of range; give a number from 1 to 3600"});
+}
+
+TEST_F(RackTest, AGoodRackHasNoFaultAndNoWarning) {
+  write("nose.toml", RunParts().text());
+  write("tail.toml", tail_parts().text());
+  EXPECT_EQ(faults_together(rack_of_two_hosts), Texts{});
+  EXPECT_EQ(warnings_, Texts{});
+  EXPECT_EQ(faults_together(rack_of_one_host), Texts{});
+  EXPECT_EQ(warnings_, Texts{});
+}
+
+TEST_F(RackTest, FaultsOfAConfigurationAreItsOwn) {
+  write("nose.toml", RunParts().text());
+  write("tail.toml", tail_parts().text() + "rate_h = 5\n");
+  EXPECT_EQ(faults_together(rack_of_two_hosts),
+            Texts{"tail.toml:12: imu.0.rate_h: unknown key; did you mean \"rate_hz\"?"});
+  const char* none = "[[host]]\nname = \"a\"\nruns = [\"none.toml\"]\n";
+  EXPECT_EQ(faults_together(none).size(), 1U);
 }
 
 }  // namespace

@@ -95,7 +95,7 @@ class Completion:
             return ["presets", FILES]
         if name == "CONFIG":
             return [CONFIGS]
-        if re.search(r"FILE|PATH|RECORD|DIR", value) or name in ("CAPTURE", "FILE", "LINK", "PLAN", "DIR"):
+        if re.search(r"FILE|PATH|RECORD|DIR", value) or name in ("CAPTURE", "FILE", "LINK", "PLAN", "DIR", "RACK"):
             return [FILES]
         return [NOTHING]
 
