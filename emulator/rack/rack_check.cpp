@@ -5,9 +5,11 @@
 #include <algorithm>
 #include <utility>
 
+#include "emulator/config/config_text.hpp"
 #include "emulator/config/load_config.hpp"
 #include "emulator/drive/assembly.hpp"
 #include "emulator/ground/shell_word.hpp"
+#include "emulator/rack/rack_conflicts.hpp"
 #include "emulator/truth/capture_check.hpp"
 #include "emulator/watch/run_text.hpp"
 
@@ -46,6 +48,12 @@ std::vector<LoadedRun> load_rack(const Rack& rack, std::vector<std::string>& war
       } catch (const PortError& error) {
         add(fmt::format("{}: {}", run.file, error.what()));
       }
+  RackConflicts conflicts(warnings);
+  for (const LoadedRun& one : loaded) {
+    Faults unused("");
+    conflicts.add(one, read_config_text(one.run->file, {}, unused).root);
+  }
+  for (const std::string& fault : conflicts.faults()) add(fault);
   if (!faults.empty()) throw ConfigError(std::move(faults));
   return loaded;
 }

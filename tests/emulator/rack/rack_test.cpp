@@ -6,6 +6,7 @@
 #include <fstream>
 #include <map>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "emulator/plan/config.hpp"
@@ -183,6 +184,77 @@ TEST_F(RackTest, FaultsOfAConfigurationAreItsOwn) {
             Texts{"tail.toml:12: imu.0.rate_h: unknown key; did you mean \"rate_hz\"?"});
   const char* none = "[[host]]\nname = \"a\"\nruns = [\"none.toml\"]\n";
   EXPECT_EQ(faults_together(none).size(), 1U);
+}
+
+// What only one run of a host may have.
+TEST_F(RackTest, WhatTwoRunsOfAHostCannotShare) {
+  const auto expect = [this](const RunParts& nose, const RunParts& tail, const std::string& fault) {
+    write("nose.toml", nose.text());
+    write("tail.toml", tail.text());
+    EXPECT_EQ(faults_together(rack_of_one_host), Texts{fault});
+    EXPECT_EQ(faults_together(rack_of_two_hosts), Texts{}) << "on two hosts it is none";
+  };
+  RunParts a, b = tail_parts();
+  a.port = b.port = "pty:/tmp/imud_rack_same";
+  expect(
+      a, b,
+      "tail.toml:11: imu.0.port: host bench1: pty:/tmp/imud_rack_same, which host bench1 (nose.toml:11, imu.0.port) "
+      "has, too; give another");
+  a.port = b.port = "serial:/dev/imud_rack_none";
+  expect(a, b,
+         "tail.toml:11: imu.0.port: host bench1: serial:/dev/imud_rack_none, which host bench1 (nose.toml:11, "
+         "imu.0.port) has, too; give another");
+  a = RunParts(), b = tail_parts();
+  a.protocol = b.protocol = "native-can";
+  a.port = b.port = "can:imudnone";
+  a.more = b.more = "rate_hz = 100\ngyro.max_rad_per_s = 10\naccelerometer.max_m_per_s2 = 100\n";
+  expect(a, b,
+         "tail.toml:8: imu.0.device: host bench1: sends the CAN identifier 0x100 on can:imudnone, which host bench1 "
+         "(nose.toml:8, imu.0.device) has, too; give another");
+  a = RunParts(), b = tail_parts();
+  a.truth = "udp:127.0.0.1:9810", b.truth = "udp:0.0.0.0:9810";
+  for (int order = 0; order < 2; ++order) {
+    write("nose.toml", a.text());
+    write("tail.toml", b.text());
+    EXPECT_EQ(faults_together(rack_of_one_host),
+              Texts{"tail.toml:5: truth.port: host bench1: listens at port 9810 of UDP, as host bench1 (nose.toml:5, "
+                    "truth.port) does; give another port"});
+    std::swap(a.truth, b.truth);
+  }
+  a = RunParts(), b = tail_parts();
+  a.tables = b.tables = "[web]\nlisten = \"127.0.0.1:8080\"\n";
+  expect(
+      a, b,
+      "tail.toml:9: web.listen: host bench1: listens at port 8080 of TCP, as host bench1 (nose.toml:9, web.listen) "
+      "does; give another port");
+  a = RunParts(), b = tail_parts();
+  a.tables = b.tables = "[control]\nsocket = \"/tmp/imud_rack.sock\"\n";
+  expect(a, b,
+         "tail.toml:9: control.socket: host bench1: /tmp/imud_rack.sock, which host bench1 (nose.toml:9, "
+         "control.socket) has, too; give another");
+}
+
+TEST_F(RackTest, ABusOfTheNetworkIsOneForAllHosts) {
+  RunParts a, b = tail_parts();
+  a.protocol = b.protocol = "native-can";
+  a.port = b.port = "canmcast:0";
+  a.more = b.more = "rate_hz = 100\ngyro.max_rad_per_s = 10\naccelerometer.max_m_per_s2 = 100\n";
+  write("nose.toml", a.text());
+  write("tail.toml", b.text());
+  EXPECT_EQ(faults_together(rack_of_two_hosts),
+            Texts{"tail.toml:8: imu.0.device: host bench2: sends the CAN identifier 0x100 on canmcast:0, which host "
+                  "bench1 (nose.toml:8, imu.0.device) has, too; give another"});
+}
+
+TEST_F(RackTest, WarnsOfAPathFromAFolderThatIsAnotherThere) {
+  RunParts a;
+  a.port = "pty:nose";
+  write("nose.toml", a.text());
+  write("tail.toml", tail_parts().text());
+  EXPECT_EQ(faults_together(rack_of_two_hosts), Texts{});
+  EXPECT_EQ(warnings_,
+            Texts{"nose.toml:11: imu.0.port: host bench1: pty:nose is a path from the folder in which systemd "
+                  "starts imud, /; give a whole path, such as /run/imud/imu1"});
 }
 
 }  // namespace

@@ -1,0 +1,60 @@
+// RackConflicts: what the configurations of a rack have in common and must not.
+#pragma once
+
+#include <toml++/toml.h>
+
+#include <cstdint>
+#include <map>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "emulator/ground/table_reader.hpp"
+#include "emulator/rack/rack_check.hpp"
+
+namespace imud {
+
+class RackConflicts {
+ public:
+  // `warnings` gets a text for each warning.
+  explicit RackConflicts(std::vector<std::string>& warnings) : warnings_(warnings) {}
+
+  // Compares a run with those before it. `text`: its configuration, whose lines the faults name.
+  void add(const LoadedRun& run, const toml::table& text);
+  const std::vector<std::string>& faults() const noexcept { return faults_; }
+
+ private:
+  // A key of a configuration, as a fault names it.
+  struct Place {
+    const LoadedRun* run = nullptr;
+    std::string key;
+    std::uint32_t line = 0;
+  };
+  // An address at which a run listens.
+  struct Listener {
+    Place place;
+    bool is_tcp = false;
+    std::string address;  // numeric
+    std::uint16_t port = 0;
+  };
+
+  Place place(std::string key) const;
+  void fault(const std::string& key, std::string_view what);
+  void warn(const std::string& key, std::string_view what);
+  void claim(const std::string& key, const std::string& resource, std::string_view what, bool is_of_rack = false);
+  void listen(Listener listener);
+  void listen_udp(const std::string& key, const std::string& port);
+  void listen_tcp(const std::string& key, const std::string& address);
+  void check_path(const std::string& key, const std::string& port);
+  void add_imu(const ImuConfig& imu, std::size_t index);
+  void add_identifiers(const std::string& key, const ImuConfig& imu);
+
+  std::vector<std::string>& warnings_;
+  std::vector<std::string> faults_;
+  const LoadedRun* run_ = nullptr;  // that add() adds, with its text
+  const toml::table* text_ = nullptr;
+  std::map<std::string, Place> claimed_;  // by host, or for all hosts, and resource
+  std::vector<Listener> listeners_;       // of all hosts
+};
+
+}  // namespace imud
