@@ -48,7 +48,7 @@ std::vector<LoadedRun> load_rack(const Rack& rack, std::vector<std::string>& war
       } catch (const PortError& error) {
         add(fmt::format("{}: {}", run.file, error.what()));
       }
-  RackConflicts conflicts(warnings);
+  RackConflicts conflicts(rack, warnings);
   for (const LoadedRun& one : loaded) {
     Faults unused("");
     conflicts.add(one, read_config_text(one.run->file, {}, unused).root);

@@ -6,6 +6,7 @@
 #include <optional>
 #include <set>
 
+#include "core/numbers/random.hpp"
 #include "emulator/config/config_parts.hpp"
 #include "emulator/config/line_load.hpp"
 #include "emulator/config/load_config.hpp"
@@ -28,6 +29,8 @@ std::optional<SocketAddress> udp_address(const std::string& port) {
 std::string numeric_address(const SocketAddress& address) {
   return std::string(EndpointText(address.endpoint()).address());
 }
+
+bool is_loopback_address(std::string_view address) { return address.starts_with("127.") || address == "::1"; }
 
 bool is_every_address(std::string_view address) { return address == "0.0.0.0" || address == "::"; }
 
@@ -139,6 +142,14 @@ void RackConflicts::add_imu(const ImuConfig& imu, std::size_t index) {
   listen_udp(key_of("sync.trigger_port"), imu.sync.trigger_port);
   listen_udp(key_of("sync.pps_port"), imu.sync.pps_port);
   add_identifiers(key_of("device"), imu);
+  const std::pair noise(imu.seed.value_or(run_->config.seed), stream_id(imu.name));
+  const auto [at, is_new] = noises_.emplace(noise, place(key_of("name")));
+  if (const Place& other = at->second; !is_new && other.run != run_)
+    warn(
+        key_of("name"),
+        fmt::format("\"{}\" has the same random numbers as {}: their errors are equal; give another name, or another "
+                    "seed",
+                    imu.name, told(*other.run->host, *other.run->run, other.line, other.key)));
 }
 
 void RackConflicts::add_identifiers(const std::string& key, const ImuConfig& imu) {
@@ -158,9 +169,67 @@ void RackConflicts::add_identifiers(const std::string& key, const ImuConfig& imu
   }
 }
 
+void RackConflicts::compare_clock() {
+  const Config &config = run_->config, &first = first_->config;
+  const std::string of_first = told(*first_->host, *first_->run, 0, "clock");
+  if (config.clock != first.clock) {
+    fault("clock", fmt::format("\"{}\", and \"{}\" has {}; give one clock to all", word_of(clock_words, config.clock),
+                               word_of(clock_words, first.clock), of_first));
+    return;
+  }
+  const Epoch epoch = epoch_of(config), epoch_of_first = epoch_of(first);
+  const bool has_several_hosts = rack_.hosts.size() > 1;
+  if (has_several_hosts && epoch == Epoch::monotonic)
+    fault("realtime.epoch", "\"monotonic\" counts from the start of each host; give \"tai\", or \"utc\", to all");
+  if (epoch != epoch_of_first)
+    fault("realtime.epoch",
+          fmt::format("\"{}\", and \"{}\" has {}; give one epoch to all", word_of(epoch_words, epoch),
+                      word_of(epoch_words, epoch_of_first), told(*first_->host, *first_->run, 0, "realtime.epoch")));
+  const bool is_alone = run_ == first_;
+  if (!has_live_truth(config)) return;
+  if (is_alone && epoch == Epoch::none && (has_several_hosts || rack_.hosts.front().runs.size() > 1))
+    warn("realtime.epoch",
+         fmt::format("the runs of the rack are not in phase, since each begins with its first truth; give \"{}\" to "
+                     "all",
+                     has_several_hosts ? "tai" : "monotonic"));
+  if (has_several_hosts && epoch != Epoch::none && config.realtime.allow_unsynchronised)
+    warn("realtime.allow_unsynchronised",
+         "the grids of the hosts differ by as much as their clocks; omit it when PTP or NTP sets them");
+}
+
+void RackConflicts::compare_truth() {
+  const TruthConfig &truth = run_->config.truth, &first = first_->config.truth;
+  const auto of_first = [this](const char* key) { return told(*first_->host, *first_->run, 0, key); };
+  if (truth.format != first.format)
+    warn("truth.format", fmt::format("\"{}\", and \"{}\" has {}: one simulator sends one format", truth.format->name,
+                                     first.format->name, of_first("truth.format")));
+  const auto address = udp_address(truth.port), address_of_first = udp_address(first.port);
+  const bool is_multicast = address && address->is_multicast();
+  if (address && address_of_first && !(address->endpoint() == address_of_first->endpoint()) &&
+      (is_multicast || address_of_first->is_multicast()))
+    warn("truth.port", fmt::format("{}, and {} has {}: they may have other truth; give one group to all", truth.port,
+                                   first.port, of_first("truth.port")));
+  if (rack_.hosts.size() == 1 || !has_live_truth(run_->config)) return;
+  if (address && is_loopback_address(numeric_address(*address)))
+    warn("truth.port",
+         "only programs of the same host can send truth there; several hosts receive one truth by a "
+         "multicast group, such as \"udp:239.1.2.3:9810?interface=eth0\"");
+  if (run_ == first_ && truth.clock.automatic_percent > 0)
+    warn("truth.delay_ms",
+         "each host finds its own delay, so that samples of one instant have truth of several; give "
+         "one number to all, such as 20");
+  if (truth.clock.automatic_percent != first.clock.automatic_percent || truth.clock.delay != first.clock.delay)
+    warn("truth.delay_ms", fmt::format("differs from that which {} has, so that samples of one instant have truth of "
+                                       "two; give one number to all",
+                                       of_first("truth.delay_ms")));
+}
+
 void RackConflicts::add(const LoadedRun& run, const toml::table& text) {
   run_ = &run;
   text_ = &text;
+  if (first_ == nullptr) first_ = &run;
+  compare_clock();
+  compare_truth();
   listen_udp("truth.port", run.config.truth.port);
   if (const Transport* transport = transport_of(run.config.truth.port); transport != nullptr && !transport->ends)
     if (const std::string address = exclusive_address(run.config.truth.port); !address.empty())

@@ -1,4 +1,4 @@
-// RackConflicts: what the configurations of a rack have in common and must not.
+// RackConflicts: what the configurations of a rack have in common and must not, or have not in common and must.
 #pragma once
 
 #include <toml++/toml.h>
@@ -7,6 +7,7 @@
 #include <map>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "emulator/ground/table_reader.hpp"
@@ -17,7 +18,7 @@ namespace imud {
 class RackConflicts {
  public:
   // `warnings` gets a text for each warning.
-  explicit RackConflicts(std::vector<std::string>& warnings) : warnings_(warnings) {}
+  RackConflicts(const Rack& rack, std::vector<std::string>& warnings) : rack_(rack), warnings_(warnings) {}
 
   // Compares a run with those before it. `text`: its configuration, whose lines the faults name.
   void add(const LoadedRun& run, const toml::table& text);
@@ -48,13 +49,18 @@ class RackConflicts {
   void check_path(const std::string& key, const std::string& port);
   void add_imu(const ImuConfig& imu, std::size_t index);
   void add_identifiers(const std::string& key, const ImuConfig& imu);
+  void compare_clock();
+  void compare_truth();
 
+  const Rack& rack_;
   std::vector<std::string>& warnings_;
   std::vector<std::string> faults_;
   const LoadedRun* run_ = nullptr;  // that add() adds, with its text
   const toml::table* text_ = nullptr;
-  std::map<std::string, Place> claimed_;  // by host, or for all hosts, and resource
-  std::vector<Listener> listeners_;       // of all hosts
+  const LoadedRun* first_ = nullptr;                                 // with which the others are compared
+  std::map<std::string, Place> claimed_;                             // by host, or for all hosts, and resource
+  std::vector<Listener> listeners_;                                  // of all hosts
+  std::map<std::pair<std::uint64_t, std::uint32_t>, Place> noises_;  // by seed and stream
 };
 
 }  // namespace imud

@@ -175,6 +175,13 @@ TEST_F(RackTest, AGoodRackHasNoFaultAndNoWarning) {
   EXPECT_EQ(warnings_, Texts{});
   EXPECT_EQ(faults_together(rack_of_one_host), Texts{});
   EXPECT_EQ(warnings_, Texts{});
+  // One configuration for two hosts: the ports are on two machines, but the noise is the same.
+  EXPECT_EQ(faults_together("[[host]]\nname = \"a\"\nruns = [\"nose.toml\"]\n[[host]]\nname = \"b\"\nruns = "
+                            "[\"nose.toml\"]\n"),
+            Texts{});
+  EXPECT_EQ(warnings_,
+            Texts{"nose.toml:9: imu.0.name: host b: \"nose\" has the same random numbers as host a "
+                  "(nose.toml:9, imu.0.name): their errors are equal; give another name, or another seed"});
 }
 
 TEST_F(RackTest, FaultsOfAConfigurationAreItsOwn) {
@@ -246,15 +253,82 @@ TEST_F(RackTest, ABusOfTheNetworkIsOneForAllHosts) {
                   "bench1 (nose.toml:8, imu.0.device) has, too; give another"});
 }
 
-TEST_F(RackTest, WarnsOfAPathFromAFolderThatIsAnotherThere) {
-  RunParts a;
+TEST_F(RackTest, ClocksAreThoseOfOneVehicle) {
+  const auto faults = [this](const RunParts& nose, const RunParts& tail, const char* hosts) {
+    write("nose.toml", nose.text());
+    write("tail.toml", tail.text());
+    return faults_together(hosts);
+  };
+  RunParts a, b = tail_parts();
+  a.epoch = b.epoch = "monotonic";
+  EXPECT_EQ(faults(a, b, rack_of_one_host), Texts{});
+  EXPECT_EQ(warnings_, Texts{});
+  const std::string monotonic = "\"monotonic\" counts from the start of each host; give \"tai\", or \"utc\", to all";
+  EXPECT_EQ(faults(a, b, rack_of_two_hosts), (Texts{"nose.toml:3: realtime.epoch: host bench1: " + monotonic,
+                                                    "tail.toml:3: realtime.epoch: host bench2: " + monotonic}));
+  b.epoch = "utc";
+  EXPECT_EQ(faults(RunParts(), b, rack_of_two_hosts),
+            Texts{"tail.toml:3: realtime.epoch: host bench2: \"utc\", and \"tai\" has host bench1 (nose.toml, "
+                  "realtime.epoch); give one epoch to all"});
+  a.epoch = b.epoch = "none";
+  EXPECT_EQ(faults(a, b, rack_of_two_hosts), Texts{});
+  EXPECT_EQ(warnings_, Texts{"nose.toml:3: realtime.epoch: host bench1: the runs of the rack are not in phase, since "
+                             "each begins with its first truth; give \"tai\" to all"});
+  EXPECT_EQ(faults(a, b, rack_of_one_host), Texts{});
+  EXPECT_EQ(warnings_.size(), 1U);
+  EXPECT_EQ(faults(a, b, "[[host]]\nname = \"a\"\nruns = [\"nose.toml\"]\n"), Texts{});
+  EXPECT_EQ(warnings_, Texts{}) << "one run is in phase with itself";
+  a = RunParts(), b = tail_parts();
+  b.clock = "lockstep", b.delay = "0";
+  EXPECT_EQ(faults(a, b, rack_of_two_hosts),
+            Texts{"tail.toml:1: clock: host bench2: \"lockstep\", and \"realtime\" has host "
+                  "bench1 (nose.toml, clock); give one clock to all"});
+  a.epoch = "tai\"\nallow_unsynchronised = true\n#\"";
+  EXPECT_EQ(faults(a, tail_parts(), rack_of_two_hosts), Texts{});
+  EXPECT_EQ(warnings_, Texts{"nose.toml:4: realtime.allow_unsynchronised: host bench1: the grids of the hosts differ "
+                             "by as much as their clocks; omit it when PTP or NTP sets them"});
+}
+
+TEST_F(RackTest, WarnsOfTruthThatIsNotTheSame) {
+  const auto expect = [this](const RunParts& nose, const RunParts& tail, const Texts& expected) {
+    write("nose.toml", nose.text());
+    write("tail.toml", tail.text());
+    EXPECT_EQ(faults_together(rack_of_two_hosts), Texts{});
+    EXPECT_EQ(warnings_, expected);
+  };
+  RunParts a, b = tail_parts();
+  b.format = "csv";
+  expect(a, b,
+         {"tail.toml:6: truth.format: host bench2: \"csv\", and \"native\" has host bench1 (nose.toml, "
+          "truth.format): one simulator sends one format"});
+  b = tail_parts();
+  b.truth = "udp:239.1.2.4:9810";
+  expect(a, b,
+         {"tail.toml:5: truth.port: host bench2: udp:239.1.2.4:9810, and udp:239.1.2.3:9810 has host bench1 "
+          "(nose.toml, truth.port): they may have other truth; give one group to all"});
+  b = tail_parts();
+  b.delay = "30";
+  expect(a, b,
+         {"tail.toml:7: truth.delay_ms: host bench2: differs from that which host bench1 (nose.toml, "
+          "truth.delay_ms) has, so that samples of one instant have truth of two; give one number to all"});
+  b = tail_parts();
+  a.delay = b.delay = "\"auto\"";
+  expect(a, b,
+         {"nose.toml:7: truth.delay_ms: host bench1: each host finds its own delay, so that samples of one "
+          "instant have truth of several; give one number to all, such as 20"});
+  a = RunParts();
+  a.truth = b.truth = "udp:127.0.0.1:9810";
+  b.delay = "20";
+  const std::string loopback =
+      "only programs of the same host can send truth there; several hosts receive one truth by a multicast group, "
+      "such as \"udp:239.1.2.3:9810?interface=eth0\"";
+  expect(a, b,
+         {"nose.toml:5: truth.port: host bench1: " + loopback, "tail.toml:5: truth.port: host bench2: " + loopback});
+  a = RunParts();
   a.port = "pty:nose";
-  write("nose.toml", a.text());
-  write("tail.toml", tail_parts().text());
-  EXPECT_EQ(faults_together(rack_of_two_hosts), Texts{});
-  EXPECT_EQ(warnings_,
-            Texts{"nose.toml:11: imu.0.port: host bench1: pty:nose is a path from the folder in which systemd "
-                  "starts imud, /; give a whole path, such as /run/imud/imu1"});
+  expect(a, tail_parts(),
+         {"nose.toml:11: imu.0.port: host bench1: pty:nose is a path from the folder in which systemd "
+          "starts imud, /; give a whole path, such as /run/imud/imu1"});
 }
 
 }  // namespace
