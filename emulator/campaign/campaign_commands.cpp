@@ -14,7 +14,6 @@
 #include "emulator/campaign/campaign_repeat.hpp"
 #include "emulator/campaign/status/campaign_page.hpp"
 #include "emulator/campaign/status/campaign_status.hpp"
-#include "emulator/ground/tcp_address.hpp"
 #include "emulator/ground/text_file.hpp"
 
 namespace imud {
@@ -143,13 +142,7 @@ std::optional<int> CampaignCommands::execute() const {
     return is_for_slurm() ? run_on_slurm(plan_, folder_, slurm) : run_campaign(plan_, folder_, run_options_);
   if (resume_->parsed())
     return is_for_slurm() ? resume_on_slurm(folder_, slurm) : resume_campaign(folder_, run_options_);
-  if (status_->parsed() && !web_.listen.empty()) {
-    const auto address = TcpAddress::parse(web_.listen);
-    if (!address) throw OpenError("--web: give a numeric address and a port, such as 127.0.0.1:8080");
-    if (!address->is_loopback && web_.token_file.empty())
-      throw OpenError("--web: other machines reach this address: give --token-file, or 127.0.0.1:8080");
-    return serve_campaign(folder_, web_);
-  }
+  if (status_->parsed() && !web_.listen.empty()) return serve_campaign(folder_, web_);
   if (status_->parsed()) return campaign_status(folder_, json_);
   if (repeat_->parsed()) return repeat_case(plan_, case_, record_);
   for (const CLI::App* tool : tools_)

@@ -1,16 +1,7 @@
 #include "emulator/campaign/status/campaign_page.hpp"
 
-#include <fmt/format.h>
-
-#include <boost/asio/io_context.hpp>
-#include <boost/asio/signal_set.hpp>
-#include <csignal>
-#include <optional>
-
 #include "emulator/campaign/status/campaign_status.hpp"
-#include "emulator/ground/counters.hpp"
-#include "emulator/ground/text_file.hpp"
-#include "emulator/web/web_server.hpp"
+#include "emulator/web/status_page.hpp"
 #include "transports/host_clock.hpp"
 
 namespace imud {
@@ -42,21 +33,8 @@ class StatusText {
 
 int serve_campaign(const std::string& folder, const WebConfig& web) {
   StatusText status(folder);
-  boost::asio::io_context io;
-  boost::asio::signal_set signals(io, SIGINT, SIGTERM);
-  WebServer server(io, web, "--web");
-  signals.async_wait([&io](const boost::system::error_code&, int) { io.stop(); });
-  ControlCounters counters;
-  server.serve({.files = campaign_page_files(),
-                .document = [&](std::string_view path, std::string_view) -> std::optional<WebDocument> {
-                  if (path != "/status") return std::nullopt;
-                  return WebDocument{"application/json", status()};
-                },
-                .api = {},
-                .summary = "there is / and /status"},
-               counters);
-  TextFile("-").write(fmt::format("http://{}/ shows {} until Ctrl-C\n", server.address(), folder));
-  io.run();
+  serve_status(
+      web, campaign_page_files(), [&status] { return status(); }, folder);
   return 0;
 }
 

@@ -13,8 +13,7 @@ namespace imud {
 std::span<const PageFile> campaign_page_files() noexcept;
 
 // Serves the page at `web.listen`, and the status as JSON at /status, until SIGINT or SIGTERM. Prints the address.
-// Returns 0. Throws OpenError if there is no campaign or the token cannot be read, PortError if the address cannot be
-// used.
+// Returns 0. Throws as serve_status(), and OpenError if there is no campaign.
 int serve_campaign(const std::string& folder, const WebConfig& web);
 
 }  // namespace imud

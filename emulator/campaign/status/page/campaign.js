@@ -1,29 +1,9 @@
 // The page of a campaign: it reads the status of the folder again and again, as JSON.
-const $ = (selector) => document.querySelector(selector);
-const often_ms = 2000, seldom_ms = 10000;
-let status, pause_ms = often_ms;
+import {$, count, element, fill, follow, often_ms, several, show} from "./elements.js";
 
-function element(name, {text, ...attributes} = {}, ...children) {
-  const one = Object.assign(document.createElement(name), attributes);
-  if (text !== undefined) one.textContent = text;
-  one.append(...children);
-  return one;
-}
-// Writes a text only where it has changed, so that a selection stays.
-function show(selector, text) {
-  if ($(selector).textContent !== text) $(selector).textContent = text;
-}
-// Replaces the children if they have other texts than those that are there.
-const made_of = new WeakMap();
-function fill(root, key, make) {
-  const text = JSON.stringify(key);
-  if (made_of.get(root) === text) return;
-  made_of.set(root, text);
-  root.replaceChildren(...make());
-}
+const seldom_ms = 10000;
+let status;
 
-const count = (number) => number.toLocaleString("en");
-const several = (number, one, more) => `${number === 1 ? "one" : count(number)} ${number === 1 ? one : more}`;
 const percent = (share) => `${(100 * share).toFixed(2)} %`;
 const share = ({runs, passes}) => (runs ? passes / runs : 0);
 function duration(s) {
@@ -101,25 +81,10 @@ function show_status() {
     element("strong", {text: `Case ${one.case}`}), ` seed ${one.seed}${one.axes ? `, ${one.axes}` : ""}: `,
     element("span", {className: "why", text: one.why}), element("code", {text: one.repeat}))));
 }
-async function read() {
-  try {
-    const answer = await fetch("status", {cache: "no-store"});
-    if (!answer.ok) throw new Error(await answer.text());
-    status = await answer.json();
-    $("#failure").hidden = true;
-    $("#connection").classList.add("open");
-    show("#connection", "connected");
-    show_status();
-    const {shards_read, shards_present, cases, cases_done} = status;
-    pause_ms = shards_read < shards_present ? 0 : cases_done === cases ? seldom_ms : often_ms;
-  } catch (error) {
-    $("#connection").classList.remove("open");
-    show("#connection", "not connected; the page shows what it read last");
-    $("#failure").hidden = error instanceof TypeError;  // there is no server
-    show("#failure", error.message);
-    pause_ms = often_ms;
-  }
-  setTimeout(read, pause_ms);
-}
 $("#rate").addEventListener("change", show_axes);
-read();
+follow((answer) => {
+  status = answer;
+  show_status();
+  const {shards_read, shards_present, cases, cases_done} = status;
+  return shards_read < shards_present ? 0 : cases_done === cases ? seldom_ms : often_ms;
+});
