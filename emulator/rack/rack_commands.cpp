@@ -3,6 +3,7 @@
 #include <CLI/CLI.hpp>
 
 #include "emulator/rack/rack_check.hpp"
+#include "emulator/rack/rack_status.hpp"
 
 namespace imud {
 
@@ -16,11 +17,17 @@ RackCommands::RackCommands(CLI::App& app, bool is_given) {
     return command;
   };
   check_ = add("check", "List every fault of a rack and of its configurations, or show what would run where");
+  CLI::App* status = add("status", "Show what runs on the hosts of a rack, and what differs between them");
+  status->add_flag("--json", json_, "As JSON");
+  status->footer(
+      "Exit codes: 0 all runs of the rack run; 1 one does not, or a host was not reached; 2 the rack is wrong.");
+  status_ = status;
 }
 
 std::optional<int> RackCommands::execute() const {
   if (check_ == nullptr) return std::nullopt;
   if (check_->parsed()) return rack_check(file_);
+  if (status_->parsed()) return show_rack_status(file_, json_);
   return std::nullopt;
 }
 

@@ -20,7 +20,8 @@ class RackCommands {
 
  private:
   std::string file_;
-  const CLI::App* check_ = nullptr;
+  bool json_ = false;
+  const CLI::App *check_ = nullptr, *status_ = nullptr;
 };
 
 }  // namespace imud
