@@ -7,6 +7,7 @@
 
 #include "emulator/ground/shell_word.hpp"
 #include "emulator/ground/text_file.hpp"
+#include "emulator/rack/rack_differences.hpp"
 #include "emulator/seeds/worker_processes.hpp"
 #include "emulator/watch/run_text.hpp"
 
@@ -169,7 +170,7 @@ Json rack_status_of(const Rack& rack, const std::vector<HostAnswer>& answers) {
     json["hosts"].push_back(host_status(rack.hosts[i], answers[i]));
     if (!std::ranges::all_of(json["hosts"].back()["runs"], runs_well)) json["good"] = false;
   }
-  json["remarks"] = Json::array();
+  json["remarks"] = differences(json["hosts"]);
   return json;
 }
 

@@ -37,6 +37,10 @@ HostAnswer host_answer_with(const Json& run, const std::string& version = "imud 
           .sections = {{"version", version}, {"units", "active\n"}, {"runs", Json({{"runs", {run}}}).dump()}}};
 }
 
+std::vector<std::string> remarks_of(const HostAnswer& first, const HostAnswer& second) {
+  return rack_status_of(asked_rack(), {first, second})["remarks"];
+}
+
 constexpr std::uint64_t begin_k = 2000ULL * 1'800'000'000;
 
 TEST(RackStatus, IsGoodIfAllRun) {
@@ -77,6 +81,39 @@ TEST(RackStatus, NamesWhyARunDoesNotRun) {
             "bench2: imud is not installed there\n");
   // What a host answers is shown, not executed by the terminal.
   EXPECT_EQ(text_with({.fault = "\x1b]0;owned\x07", .sections = {}}), "bench2: ?]0;owned?\n");
+}
+
+TEST(RackStatus, SaysWhatDiffers) {
+  const HostAnswer nose = host_answer_with(answering_run("nose", begin_k));
+  using Texts = std::vector<std::string>;
+  EXPECT_EQ(remarks_of(nose, host_answer_with(answering_run("tail", begin_k + 8000))),
+            Texts{"tail of imud@tail on bench2 has begun 4 s after nose of imud@nose on bench1: its counter is that "
+                  "much behind"});
+  EXPECT_EQ(remarks_of(nose, host_answer_with(answering_run("tail", begin_k + 900))), Texts{})
+      << "another phase or rate";
+  Json run = answering_run("tail", begin_k);
+  run["version"] = "1.3";
+  EXPECT_EQ(remarks_of(nose, host_answer_with(run, "imud 1.3\n")),
+            Texts{"versions differ: 1.2 (bench1), 1.3 (bench2); install one on all hosts"});
+  run["version"] = "1.1";
+  EXPECT_EQ(remarks_of(nose, host_answer_with(run)),
+            Texts{"bench2: tail runs version 1.1, and 1.2 is installed; start it again"});
+  run = answering_run("tail", begin_k);
+  run["counters"]["clock"]["tai_offset_s"] = 0;
+  EXPECT_EQ(remarks_of(nose, host_answer_with(run)),
+            Texts{"offsets of TAI differ: 0 s (bench2), 37 s (bench1); the samples "
+                  "of these hosts are whole seconds apart"});
+  run = answering_run("tail", begin_k);
+  run["counters"]["clock"]["synchronised"] = false;
+  run["counters"]["clock"]["steps"] = 2;
+  EXPECT_EQ(remarks_of(nose, host_answer_with(run)),
+            (Texts{"bench2: its clock is not known to be synchronised, and may differ from the others",
+                   "bench2: its clock has been set 2 times since tail began"}));
+  run = answering_run("tail", begin_k);
+  run["counters"].erase("clock");
+  run["counters"]["imus"][0].erase("first_k");
+  EXPECT_EQ(remarks_of(nose, host_answer_with(run)),
+            Texts{"epochs differ: none (imud@tail on bench2), tai (imud@nose on bench1); the runs are not in phase"});
 }
 
 }  // namespace
