@@ -3,6 +3,7 @@
 #include <CLI/CLI.hpp>
 
 #include "emulator/rack/rack_check.hpp"
+#include "emulator/rack/rack_service.hpp"
 #include "emulator/rack/rack_status.hpp"
 
 namespace imud {
@@ -22,12 +23,22 @@ RackCommands::RackCommands(CLI::App& app, bool is_given) {
   status->footer(
       "Exit codes: 0 all runs of the rack run; 1 one does not, or a host was not reached; 2 the rack is wrong.");
   status_ = status;
+  const char* exit_codes = "Exit codes: 0 all has been done on all hosts; 1 it has not; 2 the rack is wrong.";
+  CLI::App* start =
+      add("start", "Check the rack on all hosts, install its configurations and start its runs, or start none");
+  start->footer(exit_codes);
+  start_ = start;
+  CLI::App* stop = add("stop", "Stop the runs of a rack on all hosts");
+  stop->footer(exit_codes);
+  stop_ = stop;
 }
 
 std::optional<int> RackCommands::execute() const {
   if (check_ == nullptr) return std::nullopt;
   if (check_->parsed()) return rack_check(file_);
   if (status_->parsed()) return show_rack_status(file_, json_);
+  if (start_->parsed()) return rack_start(file_);
+  if (stop_->parsed()) return rack_stop(file_);
   return std::nullopt;
 }
 

@@ -21,7 +21,7 @@ class RackCommands {
  private:
   std::string file_;
   bool json_ = false;
-  const CLI::App *check_ = nullptr, *status_ = nullptr;
+  const CLI::App *check_ = nullptr, *status_ = nullptr, *start_ = nullptr, *stop_ = nullptr;
 };
 
 }  // namespace imud
