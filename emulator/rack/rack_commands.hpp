@@ -4,6 +4,8 @@
 #include <optional>
 #include <string>
 
+#include "emulator/plan/web_config.hpp"
+
 namespace CLI {
 class App;
 }
@@ -21,6 +23,7 @@ class RackCommands {
  private:
   std::string file_;
   bool json_ = false;
+  WebConfig web_;  // of the page of `status`
   const CLI::App *check_ = nullptr, *status_ = nullptr, *start_ = nullptr, *stop_ = nullptr;
 };
 
