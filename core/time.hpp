@@ -26,6 +26,10 @@ using TruthTime = TimePoint<struct OfTruth>;    // the simulator's time
 using HostTime = TimePoint<struct OfHost>;      // CLOCK_MONOTONIC, or the time stamps of a capture
 using DeviceTime = TimePoint<struct OfDevice>;  // the clock of the emulated sensor
 
+// A clock that hosts share: CLOCK_TAI, CLOCK_REALTIME, or CLOCK_MONOTONIC for the processes of one host.
+enum class SharedClock : std::uint8_t { none, tai, utc, monotonic };
+using SharedTime = TimePoint<struct OfShared>;  // the time of such a clock
+
 // Converts to s, rounded to a double.
 constexpr double seconds(Nanoseconds d) { return static_cast<double>(d.count()) * 1e-9; }
 // Converts s, within +-292 years, to the nearest ns.

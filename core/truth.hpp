@@ -42,6 +42,12 @@ class VehicleStates {
   std::array<double, vehicle_state_count> value_ = {};
 };
 
+// The time of a clock that hosts share, or none.
+struct ClockStamp {
+  SharedClock clock = SharedClock::none;
+  SharedTime time;  // not valid with SharedClock::none
+};
+
 // The motion of the vehicle body B relative to inertial space N (frames: core/README.md), in SI and radians. A
 // member whose `has_` is false must not be read.
 struct Truth {
@@ -50,6 +56,7 @@ struct Truth {
   std::uint32_t sequence = 0;  // the sender's number of this truth, modulo 2^32; 0 where the format has none
   bool acknowledge = false;    // the sender waits for an acknowledgement (lockstep)
   bool new_run = false;        // the sender marks the first truth of a new run
+  ClockStamp stamp;            // when the simulation has the time `time`
 
   bool has_position = false;
   Vector3 r_BN_N = Vector3::Zero();  // m; position of B's origin

@@ -1,7 +1,7 @@
-// The native truth datagram, version 1, and its acknowledgement: for senders of truth, and for tests. The decoder is
-// the truth format "native".
+// The native truth datagram, versions 1 and 2, and its acknowledgement: for senders of truth, and for tests. The
+// decoder is the truth format "native".
 //
-// Little-endian, 208 bytes:
+// Version 1, little-endian, 208 bytes:
 //
 // | offset | type    | field                                                                       |
 // |--------|---------|-----------------------------------------------------------------------------|
@@ -24,6 +24,20 @@
 //
 // A sender writes 0 to the reserved fields and to the flags that version 1 does not define; a receiver ignores them,
 // so that later additions stay compatible. A quantity whose flag is not set is ignored.
+//
+// Version 2 has the same length, and the same fields up to byte 191. It stamps the simulation time with the time of a
+// clock that hosts share:
+//
+// | offset | type    | field                                                                       |
+// |--------|---------|-----------------------------------------------------------------------------|
+// | 4      | u16     | version, 2                                                                  |
+// | 192    | i64     | when the simulation has this time, ns by that clock                         |
+// | 200    | u32     | the clock: 1 CLOCK_TAI, 2 CLOCK_REALTIME, 3 CLOCK_MONOTONIC; 0: no stamp    |
+// | 204    | u32     | CRC-32C of bytes 0 to 203                                                   |
+//
+// A sender computes the stamps: as much time passes from stamp to stamp as simulation time, unless the simulation
+// pauses or has another rate. A receiver that reads the clock at each truth instead has the jitter of its reading in
+// the motion.
 #pragma once
 
 #include <cstddef>
@@ -46,10 +60,10 @@ inline constexpr std::uint16_t new_run = 32;
 inline constexpr std::size_t native_truth_size = 208;
 inline constexpr std::size_t native_acknowledgement_size = 32;
 
-// Writes a datagram; returns its length, native_truth_size.
+// Writes a datagram, of version 2 if the truth has a stamp; returns its length, native_truth_size.
 std::size_t encode_native_truth(const Truth& truth, std::span<std::byte, native_truth_size> datagram) noexcept;
 
-// The answer: `IMUA`, u16 version 1, u16 0, then these, in this order.
+// The answer, to either version: `IMUA`, u16 version 1, u16 0, then these, in this order.
 struct NativeAcknowledgement {
   std::uint32_t stream = 0;
   std::uint32_t sequence = 0;  // of the truth answered

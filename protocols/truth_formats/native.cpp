@@ -1,4 +1,4 @@
-// imud's own truth datagram, version 1; its layout is in protocols/native_truth.hpp.
+// imud's own truth datagram, versions 1 and 2; its layout is in protocols/native_truth.hpp.
 #include <cmath>
 
 #include "core/attitude.hpp"
@@ -16,7 +16,7 @@ namespace flag = native_truth_flag;
 
 constexpr std::uint8_t truth_magic[4] = {'I', 'M', 'U', 'T'};
 constexpr std::uint8_t acknowledgement_magic[4] = {'I', 'M', 'U', 'A'};
-constexpr std::uint16_t version = 1;
+constexpr std::uint16_t version = 1, stamped_version = 2;
 
 struct TruthWire {
   std::uint8_t magic[4];
@@ -32,12 +32,36 @@ struct TruthWire {
   little_float64_buf_t omegaDot_BN_B[3];
   little_float64_buf_t specific_force_B[3];
   little_float64_buf_t accumulated_dv_B[3];
+  std::uint8_t end[16];  // by version
+};
+static_assert(sizeof(TruthWire) == native_truth_size);
+
+// The end of version 1.
+struct PlainEnd {
   little_uint32_buf_t reserved;
   little_uint32_buf_t crc;
   std::uint8_t reserved_end[8];
 };
-static_assert(sizeof(TruthWire) == native_truth_size);
-constexpr std::size_t crc_offset = offsetof(TruthWire, crc);
+// The end of version 2.
+struct StampedEnd {
+  little_int64_buf_t stamp_ns;
+  little_uint32_buf_t clock;  // SharedClock
+  little_uint32_buf_t crc;
+};
+static_assert(sizeof(PlainEnd) == sizeof TruthWire::end && sizeof(StampedEnd) == sizeof TruthWire::end);
+constexpr std::size_t end_offset = offsetof(TruthWire, end);
+constexpr std::size_t crc_offset = end_offset + offsetof(PlainEnd, crc);
+constexpr std::size_t stamped_crc_offset = end_offset + offsetof(StampedEnd, crc);
+
+template <class End>
+End end_of(std::span<const std::byte> datagram) noexcept {
+  return read_wire<End>(datagram.subspan(end_offset));
+}
+
+bool is_stamp(const StampedEnd& end) noexcept {
+  return end.clock.value() <= static_cast<std::uint32_t>(SharedClock::monotonic) &&
+         std::abs(static_cast<double>(end.stamp_ns.value())) < truth_limit::time_ns;
+}
 
 struct AcknowledgementWire {
   std::uint8_t magic[4];
@@ -97,6 +121,13 @@ void describe_number(const TruthWire& wire, RemarkWriter& out) noexcept {
   if (out.size() == 0 && (wire.flags.value() & both) == both) out << "the flags 4 and 8 exclude one another";
 }
 
+void describe_stamp(const StampedEnd& end, RemarkWriter& out) noexcept {
+  if (out.size() != 0 || is_stamp(end)) return;
+  out << "the stamp is " << end.stamp_ns.value() << " ns of clock " << end.clock.value()
+      << ", and the clocks are 1 (TAI), 2 (UTC) and 3 (monotonic), with times below " << truth_limit::time_ns
+      << " ns";
+}
+
 class NativeTruthDecoder final : public DatagramTruthDecoder {
  public:
   std::size_t describe(TruthResult result, std::span<char> room) const noexcept override {
@@ -113,11 +144,14 @@ class NativeTruthDecoder final : public DatagramTruthDecoder {
         (out << "a datagram begins with ").quote(text.substr(0, 4)) << ", and one of this format with \"IMUT\"";
         break;
       case TruthResult::bad_version:
-        out << "version " << read_wire<TruthWire>(record).version.value() << ", and known is " << version;
+        out << "version " << read_wire<TruthWire>(record).version.value() << ", and known are " << version << " and "
+            << stamped_version;
         break;
       case TruthResult::not_finite:
       case TruthResult::out_of_range:
         describe_number(read_wire<TruthWire>(record), out);
+        if (read_wire<TruthWire>(record).version.value() == stamped_version)
+          describe_stamp(end_of<StampedEnd>(record), out);
         break;
       default:
         break;
@@ -146,8 +180,11 @@ class NativeTruthDecoder final : public DatagramTruthDecoder {
     if (record.size() > sizeof(TruthWire)) return TruthResult::too_long;
     const auto wire = read_wire<TruthWire>(record);
     if (std::memcmp(wire.magic, truth_magic, sizeof truth_magic) != 0) return TruthResult::not_this_kind;
-    if (wire.version.value() != version) return TruthResult::bad_version;
-    if (wire.crc.value() != crc32c(record.first(crc_offset))) return TruthResult::bad_checksum;
+    const bool is_stamped = wire.version.value() == stamped_version;
+    if (!is_stamped && wire.version.value() != version) return TruthResult::bad_version;
+    const std::uint32_t crc =
+        is_stamped ? end_of<StampedEnd>(record).crc.value() : end_of<PlainEnd>(record).crc.value();
+    if (crc != crc32c(record.first(is_stamped ? stamped_crc_offset : crc_offset))) return TruthResult::bad_checksum;
 
     const std::uint16_t flags = wire.flags.value();
     const auto given = [flags](std::uint16_t bit) { return (flags & bit) != 0; };
@@ -175,6 +212,11 @@ class NativeTruthDecoder final : public DatagramTruthDecoder {
     if (!sigma_BN.allFinite() || !is_finite(truth)) return TruthResult::not_finite;
     if (!std::isfinite(sigma_BN.squaredNorm()) || (inertial && body_sum)) return TruthResult::out_of_range;
     truth.q_NB = quaternion_from_mrp(sigma_BN);
+    if (is_stamped) {
+      const auto end = end_of<StampedEnd>(record);
+      if (!is_stamp(end)) return TruthResult::out_of_range;
+      truth.stamp = {static_cast<SharedClock>(end.clock.value()), {end.stamp_ns.value()}};
+    }
     return is_in_range(truth) ? TruthResult::ok : TruthResult::out_of_range;
   }
 };
@@ -182,9 +224,10 @@ class NativeTruthDecoder final : public DatagramTruthDecoder {
 }  // namespace
 
 std::size_t encode_native_truth(const Truth& truth, std::span<std::byte, native_truth_size> datagram) noexcept {
+  const bool is_stamped = truth.stamp.clock != SharedClock::none;
   TruthWire wire = {};
   std::memcpy(wire.magic, truth_magic, sizeof truth_magic);
-  wire.version = version;
+  wire.version = is_stamped ? stamped_version : version;
   wire.flags = flags_of(truth);
   wire.stream = truth.stream;
   wire.sequence = truth.sequence;
@@ -196,9 +239,16 @@ std::size_t encode_native_truth(const Truth& truth, std::span<std::byte, native_
   put_vector(truth.omegaDot_BN_B, wire.omegaDot_BN_B);
   put_vector(truth.specific_force_B, wire.specific_force_B);
   put_vector(truth.accumulated_dv_B, wire.accumulated_dv_B);
+  if (is_stamped) {
+    StampedEnd end = {};
+    end.stamp_ns = truth.stamp.time.ns;
+    end.clock = static_cast<std::uint32_t>(truth.stamp.clock);
+    std::memcpy(wire.end, &end, sizeof end);
+  }
   write_wire(wire, datagram);
-  const little_uint32_buf_t crc{crc32c(datagram.first(crc_offset))};
-  std::memcpy(datagram.data() + crc_offset, &crc, sizeof crc);
+  const std::size_t at = is_stamped ? stamped_crc_offset : crc_offset;
+  const little_uint32_buf_t crc{crc32c(datagram.first(at))};
+  std::memcpy(datagram.data() + at, &crc, sizeof crc);
   return native_truth_size;
 }
 
@@ -215,7 +265,7 @@ bool decode_native_acknowledgement(std::span<const std::byte> datagram,
 extern constexpr TruthFormat native_truth_format = {
     .name = "native",
     .summary = "imud's own datagram of 208 bytes, with CRC-32C and an acknowledgement for lockstep",
-    .document = "protocols/native_truth.hpp, version 1",
+    .document = "protocols/native_truth.hpp, versions 1 and 2",
     .acknowledges = true,
     .make = [](const Settings&) -> std::unique_ptr<TruthDecoder> { return std::make_unique<NativeTruthDecoder>(); },
     .force_from = "the specific force with flag 2, or the accumulated velocity with flag 4 or 8",

@@ -1,7 +1,9 @@
 #!/usr/bin/env python3
 """The dissector for Wireshark, by tshark, against imu-decode: every packet has its name, and products their numbers."""
 import math
+import struct
 import subprocess
+import sys
 import unittest
 
 from support import FLIGHT, SOURCE, RunTest, run
@@ -80,6 +82,22 @@ class Dissector(RunTest):
         text = self.tshark(record, "-Y", "imud.config", "-T", "fields", "-e", "imud.config")
         self.assertIn("max_rad_per_s", text)
         self.assertIn('protocol = "native"', text.replace("'", '"'))
+
+    def test_truth_has_its_stamp(self):
+        sys.path.insert(0, str(SOURCE / "tools"))
+        from lockstep_client import Truth, crc32c, encode
+        capture = struct.pack("<IHHiIII", 0xA1B2C3D4, 2, 4, 0, 0, 65535, 101)  # a pcap of IP
+        datagrams = [encode(Truth(5, stamp=stamp), 1, 2, True) for stamp in (None, ("monotonic", 1_795_852_159_370_295_924))]
+        for datagram in datagrams:
+            udp = struct.pack(">HHHH", 1000, 9810, 8 + len(datagram), 0) + datagram
+            packet = struct.pack(">BBHHHBBH4s4s", 0x45, 0, 20 + len(udp), 0, 0, 64, 17, 0, bytes([127, 0, 0, 1]), bytes([127, 0, 0, 1])) + udp
+            capture += struct.pack("<IIII", 1, 0, len(packet), len(packet)) + packet
+        (self.folder / "truth.pcap").write_bytes(capture)
+        names = ("version", "time_ns", "stamp_ns", "stamp_clock", "checksum")
+        text = self.tshark(self.folder / "truth.pcap", "-T", "fields", *(word for name in names for word in ("-e", f"imud_truth.{name}")))
+        self.assertEqual([line.split("\t") for line in text.splitlines()],
+                         [["1", "5", "", "", f"0x{crc32c(datagrams[0][:196]):08x}"],
+                          ["2", "5", "1795852159370295924", "3", f"0x{crc32c(datagrams[1][:204]):08x}"]])
 
 
 if __name__ == "__main__":

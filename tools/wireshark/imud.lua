@@ -348,6 +348,9 @@ local truth_stream = truth_field("uint32", "stream", "Stream", base.DEC)
 local truth_sequence = truth_field("uint32", "sequence", "Sequence", base.DEC)
 local truth_time = truth_field("int64", "time_ns", "Simulation time, ns", base.DEC)
 local truth_samples = truth_field("uint64", "samples", "Samples in the run", base.DEC)
+local truth_stamp = truth_field("int64", "stamp_ns", "Stamp of the simulation time, ns", base.DEC)
+local truth_clock = truth_field("uint32", "stamp_clock", "Clock of the stamp", base.DEC,
+                                {[0] = "none", [1] = "TAI", [2] = "UTC", [3] = "monotonic"})
 local truth_checksum = truth_field("uint32", "checksum", "CRC-32C", base.HEX)
 local truth_vectors = {}
 for i, one in ipairs({
@@ -381,7 +384,13 @@ local function dissect_truth(buffer, packet, tree)
   for i, vector in ipairs(truth_vectors) do
     for k, axis in ipairs(vector) do subtree:add_le(axis, buffer(24 * i + 8 * (k - 1), 8)) end
   end
-  subtree:add_le(truth_checksum, buffer(196, 4))
+  if buffer(4, 2):le_uint() == 2 then
+    subtree:add_le(truth_stamp, buffer(192, 8))
+    subtree:add_le(truth_clock, buffer(200, 4))
+    subtree:add_le(truth_checksum, buffer(204, 4))
+  else
+    subtree:add_le(truth_checksum, buffer(196, 4))
+  end
   return true
 end
 truth:register_heuristic("udp", dissect_truth)

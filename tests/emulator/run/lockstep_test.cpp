@@ -52,8 +52,8 @@ TEST_F(LiveTest, EveryBadTruthIsCountedByCauseAndNeverReachesTheModel) {
   simulator_.send(patched(next, 112, -inf));
   simulator_.send(patched(next, 96, 1e300));
   auto wrong = next;
-  wrong[4] = std::byte{2};
-  simulator_.send(patched(wrong, 24, 0.0));  // version 2, checksum right
+  wrong[4] = std::byte{3};
+  simulator_.send(patched(wrong, 24, 0.0));  // version 3, checksum right
   wrong = next;
   wrong[100] ^= std::byte{1};
   simulator_.send(wrong);

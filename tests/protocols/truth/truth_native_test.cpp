@@ -1,4 +1,4 @@
-// The native truth datagram: a known answer, every cause, and the acknowledgement.
+// The native truth datagram, both versions: a known answer, every cause, and the acknowledgement.
 #include <gtest/gtest.h>
 
 #include <bit>
@@ -25,7 +25,11 @@ void put(Datagram& datagram, std::size_t offset, T value) {
   std::ranges::copy(bytes, datagram.begin() + static_cast<std::ptrdiff_t>(offset));
 }
 
-void seal(Datagram& datagram) { put(datagram, 196, crc32c(std::span(datagram).first(196))); }
+// The checksum of version 2 is at another place.
+void seal(Datagram& datagram) {
+  const std::size_t at = datagram[4] == std::byte{2} ? 204 : 196;
+  put(datagram, at, crc32c(std::span(datagram).first(at)));
+}
 
 Truth known_truth() {
   Truth truth;
@@ -75,7 +79,7 @@ TEST_F(NativeTruth, ARefusalNamesWhatWasFound) {
             "a datagram has 11 bytes, and one of this format 208: \"{\"time\": 1}\"");
   EXPECT_EQ(text(decode_with<std::uint32_t>(0, 0x50544854)),
             "a datagram begins with \"THTP\", and one of this format with \"IMUT\"");
-  EXPECT_EQ(text(decode_with<std::uint16_t>(4, 2)), "version 2, and known is 1");
+  EXPECT_EQ(text(decode_with<std::uint16_t>(4, 3)), "version 3, and known are 1 and 2");
   EXPECT_EQ(text(decode_with(104, 2e5)), "omega_BN_B has 2e+05 as component 2, and the limit is 1e+05 rad/s");
   EXPECT_EQ(text(decode_with(160, nan)), "the specific force has nan as component 3, and the limit is 1e+08 m/s^2");
   EXPECT_EQ(text(decode_with(16, std::numeric_limits<std::int64_t>::max())),
@@ -167,7 +171,7 @@ TEST_F(NativeTruth, EveryCauseInItsOrder) {
   Datagram wrong = datagram_;
   put(wrong, 72, nan);
   EXPECT_EQ(decode(wrong), TruthResult::bad_checksum);
-  put(wrong, 4, std::uint16_t{2});
+  put(wrong, 4, std::uint16_t{3});
   EXPECT_EQ(decode(wrong), TruthResult::bad_version);
   put(wrong, 0, 'i');
   EXPECT_EQ(decode(wrong), TruthResult::not_this_kind);
@@ -202,6 +206,44 @@ TEST_F(NativeTruth, EveryOneBitErrorIsRefused) {
     datagram_[bit / 8] ^= static_cast<std::byte>(1U << bit % 8);
   }
   EXPECT_EQ(decode(datagram_), TruthResult::ok);
+}
+
+TEST_F(NativeTruth, AStampByHand) {
+  Truth truth = known_truth();
+  truth.stamp = {SharedClock::monotonic, {0x0102030405060708}};
+  Datagram stamped;
+  encode_native_truth(truth, stamped);
+  constexpr int by_hand[] = {8, 7, 6, 5, 4, 3, 2, 1, 3, 0, 0, 0};
+  for (std::size_t i = 0; i < std::size(by_hand); ++i)
+    EXPECT_EQ(stamped[192 + i], static_cast<std::byte>(by_hand[i]));
+  EXPECT_EQ(stamped[4], std::byte{2});
+  // All else is as in version 1.
+  EXPECT_TRUE(std::equal(stamped.begin() + 6, stamped.begin() + 192, datagram_.begin() + 6));
+  ASSERT_EQ(decode(stamped), TruthResult::ok);
+  EXPECT_EQ(truth_.stamp.clock, SharedClock::monotonic);
+  EXPECT_EQ(truth_.stamp.time, truth.stamp.time);
+  EXPECT_EQ(truth_.r_BN_N, truth.r_BN_N);
+  for (std::size_t bit = 0; bit < 8 * stamped.size(); ++bit) {
+    stamped[bit / 8] ^= static_cast<std::byte>(1U << bit % 8);
+    EXPECT_NE(decode(stamped), TruthResult::ok) << bit;
+    stamped[bit / 8] ^= static_cast<std::byte>(1U << bit % 8);
+  }
+  ASSERT_EQ(decode(datagram_), TruthResult::ok);
+  EXPECT_EQ(truth_.stamp.clock, SharedClock::none) << "version 1 has none";
+}
+
+TEST_F(NativeTruth, AnImpossibleStampIsRefused) {
+  Truth truth = known_truth();
+  truth.stamp = {SharedClock::tai, {1}};
+  encode_native_truth(truth, datagram_);
+  EXPECT_EQ(decode_with<std::uint32_t>(200, 0), TruthResult::ok);
+  EXPECT_EQ(truth_.stamp.clock, SharedClock::none);
+  EXPECT_EQ(decode_with<std::uint32_t>(200, 4), TruthResult::out_of_range);
+  EXPECT_EQ(remark(*decoder_, TruthResult::out_of_range),
+            "the stamp is 1 ns of clock 4, and the clocks are 1 (TAI), 2 (UTC) and 3 (monotonic), with times below "
+            "4611686018427387904 ns");
+  for (const std::int64_t ns : {std::int64_t{1} << 62, std::numeric_limits<std::int64_t>::min()})
+    EXPECT_EQ(decode_with(192, ns), TruthResult::out_of_range);
 }
 
 TEST_F(NativeTruth, AcknowledgementByHand) {
