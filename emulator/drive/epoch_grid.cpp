@@ -43,10 +43,15 @@ bool has_clock_error(const Grid& grid) {
 }
 }  // namespace
 
+Nanoseconds EpochGrid::ahead() const noexcept {
+  if (epoch_ == Epoch::none || read_at_ != HostTime{}) return ahead_.by;
+  return host_.ahead(clock_of(epoch_)).by;
+}
+
 HostTime EpochGrid::start_from(HostTime ready) noexcept {
   if (epoch_ == Epoch::none) return ready;
-  read(host_.now());
-  const std::int64_t ns = ready.ns + ahead_.by.count();
+  read_first();
+  const std::int64_t ns = std::max(ready, host_.now()).ns + ahead_.by.count();
   return HostTime{(ns + second - 1) / second * second - ahead_.by.count()};
 }
 

@@ -29,6 +29,15 @@ class EpochGrid {
   // epoch's clock. Reads the clock: changes count from the first call on, so imus are placed at once.
   HostTime start_from(HostTime ready) noexcept;
 
+  // Reads the clock before the first grid is placed, as start_from() does.
+  void read_first() noexcept {
+    if (epoch_ != Epoch::none) read(host_.now());
+  }
+  // Return how much the epoch's clock is ahead of the host's: as the grids count it, read now if none is placed; and
+  // as the instants of an imu count it. Without an epoch 0.
+  Nanoseconds ahead() const noexcept;
+  Nanoseconds ahead(std::size_t imu) const noexcept { return imus_[imu].ahead; }
+
   struct Placement {
     HostTime begin;            // the imu's first instant less the phase
     HostTime origin;           // the instants are origin + Grid::offset(first + i)

@@ -119,6 +119,7 @@ TruthTime Loop::latest_sample() const noexcept {
 TruthTime Loop::earliest_sample() noexcept {
   if (!engine_.in_run()) return engine_.watermark();
   if (waits_for_truth_) return timeline_.newest();
+  set_ahead_of_next();
   return std::max(engine_.watermark(), pacer_.use(std::min(host_.now(), next_due())));
 }
 
@@ -133,7 +134,11 @@ void Loop::take_truth() noexcept {
     ++taken;
     more_truth_ = outcome != TruthIntake::Outcome::nothing;
     bool begins = outcome == TruthIntake::Outcome::new_run;
-    if (begins || outcome == TruthIntake::Outcome::accepted) newest_arrival_ = intake_.arrival();
+    if (begins || outcome == TruthIntake::Outcome::accepted) {
+      newest_arrival_ = intake_.arrival();
+      pacer_.set_ahead(epoch_.ahead());
+      pacer_.take_stamp(intake_.truth(), newest_arrival_, begins);
+    }
     if (outcome == TruthIntake::Outcome::accepted) {
       unreviewed_ = unapplied_ = true;
       const HostTime due = schedule_.empty() ? newest_arrival_ : next_due();
@@ -202,6 +207,10 @@ void Loop::begin_run() noexcept {
   const TruthTime truth = timeline_.newest();
   if (limit_ && !is_first) *limit_ -= std::min(*limit_, engine_.watermark() - run_start_);
   run_start_ = timeline_.run_start();
+  if (is_first) {
+    epoch_.read_first();
+    pacer_.set_ahead(epoch_.ahead());
+  }
   const HostTime begin = pacer_.begin_run(truth, newest_arrival_, host_.now());
   engine_.apply(Step::run(false));
   hosts_.touch_all();
@@ -267,10 +276,16 @@ void Loop::serve_all() noexcept {
   hosts_.serve_all(served_);
 }
 
+// So that the pacer maps the next sample's instant by the clock by which the grid has placed it.
+void Loop::set_ahead_of_next() noexcept {
+  if (!schedule_.empty()) pacer_.set_ahead(epoch_.ahead(schedule_.next().imu));
+}
+
 // Takes all samples of the instant `due_`.
 void Loop::prepare() noexcept {
   if (has_commands()) execute_commands();
   const bool at_rest = prepared_at_rest_ = !waits_for_truth_ && is_at_rest(due_);
+  set_ahead_of_next();
   const TruthTime time = at_rest ? TruthTime{} : pacer_.use(due_);
   do {
     const Schedule::Slot slot = schedule_.next();

@@ -54,6 +54,7 @@ class Loop {
   bool is_prepared() const noexcept { return !engine_.prepared().empty(); }
   bool is_due() const noexcept { return is_prepared() && host_.now() >= due_ - pace_.spin(); }
   EpochGrid::Placement start_grid(std::size_t imu, HostTime start) noexcept;
+  void set_ahead_of_next() noexcept;
   void prepare() noexcept;
   void transmit(HostTime now) noexcept;
   void skip(HostTime now) noexcept;

@@ -1,10 +1,19 @@
 #include "emulator/drive/pacer.hpp"
 
 #include <algorithm>
+#include <chrono>
 #include <limits>
 #include <utility>
 
+#include "emulator/truth/remark_text.hpp"
+
 namespace imud {
+
+namespace {
+// A longer difference between the stamps of two truths and their simulation time is a pause of the simulator, or a
+// leap, and no drift.
+constexpr Nanoseconds shortest_pause = std::chrono::milliseconds(50);
+}  // namespace
 
 bool Pacer::observe(TruthTime, HostTime, HostTime) noexcept { return true; }
 void Pacer::review(TruthTime, HostTime) noexcept {}
@@ -31,6 +40,8 @@ HostTime HostPacer::begin_run(TruthTime truth, HostTime arrival, HostTime now) n
   } else {
     monitor_.begin_run(truth, arrival);
     begin = clock_.begin(truth, arrival, monitor_.rate());
+    // Exact: the first samples are stamped by it.
+    if (is_mapped_by_stamps()) begin = begin + (truth - mapped(begin));
   }
   newest_ = truth;
   newest_arrival_ = arrival;
@@ -41,13 +52,18 @@ HostTime HostPacer::begin_run(TruthTime truth, HostTime arrival, HostTime now) n
   return begin;
 }
 
+TruthTime HostPacer::mapped(HostTime instant) const noexcept {
+  return is_mapped_by_stamps() ? stamps_.truth(shared(instant) - clock_.delay(instant)) : clock_.truth(instant);
+}
+
 TruthTime HostPacer::truth(HostTime instant) const noexcept {
-  if (is_paused_) return reached_;
-  return std::max(reached_, std::min(clock_.truth(instant), newest_ + limits_.extrapolate));
+  if (is_paused_ && !is_mapped_by_stamps()) return reached_;
+  return std::max(reached_, std::min(mapped(instant), newest_ + limits_.extrapolate));
 }
 
 TruthTime HostPacer::use(HostTime instant) noexcept {
-  const TruthTime line = clock_.use(instant);
+  clock_.use(instant);
+  const TruthTime line = mapped(instant);
   reached_ = truth(instant);
   if (line <= newest_ + limits_.extrapolate) {
     if (!is_paused_) held_from_.reset();
@@ -67,8 +83,9 @@ bool HostPacer::observe(TruthTime truth, HostTime arrival, HostTime due) noexcep
   newest_arrival_ = arrival;
   // More truth may come at once than the timeline keeps. Truth in the timeline is sampled before the rest.
   constexpr int most_kept = static_cast<int>(Timeline::capacity / 4);
-  if (is_paused_ && truth - reached_ > most_kept * step) reached_ = truth;
+  if (is_paused_ && !is_mapped_by_stamps() && truth - reached_ > most_kept * step) reached_ = truth;
   if (is_paused_ && missing_.count() == 0) missing_ = arrival - missing_from_;
+  if (is_mapped_by_stamps()) return observe_stamped(truth, arrival, due);
   const TruthTime expected = clock_.truth(arrival) + nanoseconds(clock_.delay_s());
   if (monitor_.has_jumped(truth, arrival, expected)) {
     quality_.resumed.count();
@@ -80,18 +97,89 @@ bool HostPacer::observe(TruthTime truth, HostTime arrival, HostTime due) noexcep
     anchor_again(truth, arrival);
     return !has_leapt;
   }
+  add_arrival(truth, arrival, due);
+  return true;
+}
+
+void HostPacer::add_arrival(TruthTime truth, HostTime arrival, HostTime due) noexcept {
   // Late arrivals of a pause are none of the network.
-  if (is_paused_ && clock_.truth(arrival) - truth > monitor_.tolerated()) return true;
+  if (is_paused_ && clock_.truth(arrival) - truth > monitor_.tolerated()) return;
   // After a hold-up, samples may be due that are older than the arrival.
   clock_.observe(truth, arrival, std::min(arrival, due));
   quality_.jitter.add(clock_.lateness_s());
-  return true;
+}
+
+// The stamps tell a pause or a leap of the simulator, which changes the map at once.
+bool HostPacer::observe_stamped(TruthTime truth, HostTime arrival, HostTime due) noexcept {
+  monitor_.has_jumped(truth, arrival, truth);
+  const Nanoseconds shift = std::exchange(shift_, Nanoseconds{0});
+  if (std::chrono::abs(shift) <= shortest_pause) {
+    add_arrival(truth, arrival, due);
+    return true;
+  }
+  quality_.resumed.count();
+  monitor_.begin_run(truth, arrival);
+  clock_.resume(truth, arrival, monitor_.rate());
+  if (shift.count() > 0) behind_ += shift;
+  const bool has_leapt = shift.count() < 0 && !monitor_.is_dense();
+  if (has_leapt) {
+    is_paused_ = false;
+    quality_.last_leap_ns.store(-shift.count(), std::memory_order_relaxed);
+    quality_.leaps.count();
+  }
+  return !has_leapt;
+}
+
+void HostPacer::take_stamp(const Truth& truth, HostTime arrival, bool begins) noexcept {
+  if (begins) {
+    stamps_.clear();
+    behind_ = Nanoseconds{0};
+  }
+  const TruthStamps::Taken taken = stamps_.take(truth.time, truth.stamp, shared(arrival));
+  shift_ = taken.shift;
+  if (taken.result == TruthStamps::Result::none) return;
+  const bool is_used = taken.result == TruthStamps::Result::used;
+  if (is_used && has_given_delay_) return quality_.stamped.count();
+  if (!is_used) quality_.stamps_refused.count();
+  remark_stamp(truth, taken.result, shared(arrival));
+}
+
+void HostPacer::remark_stamp(const Truth& truth, TruthStamps::Result result, SharedTime arrival) noexcept {
+  using Result = TruthStamps::Result;
+  quality_.stamps.set([&](std::span<char> room) {
+    switch (result) {
+      case Result::other_clock:
+        return write_remark(room,
+                            "stamps are of the clock \"{}\", which is not realtime.epoch: arrivals map the truth",
+                            word_of(epoch_words, truth.stamp.clock));
+      case Result::far:
+        return write_remark(
+            room,
+            "the stamp of the truth at {} ns is {:.6f} s {} its arrival: is a clock not set? Arrivals map the truth",
+            truth.time.ns, seconds(std::chrono::abs(arrival - truth.stamp.time)),
+            truth.stamp.time > arrival ? "after" : "before");
+      case Result::not_later:
+        return write_remark(room,
+                            "the stamp of the truth at {} ns is not later than the stamp before: it is not used",
+                            truth.time.ns);
+      default:
+        return write_remark(room,
+                            "truth has stamps, but truth.delay_ms is automatic: arrivals map the truth; give a "
+                            "delay, the same on all hosts, to sample the same truth");
+    }
+  });
 }
 
 void HostPacer::review(TruthTime truth, HostTime now) noexcept {
   publish();
-  const TruthTime line = clock_.truth(now);
-  if (monitor_.was_paused(truth, line, now, clock_.used_rate())) {
+  const TruthTime line = mapped(now);
+  if (is_mapped_by_stamps()) {
+    if (!is_paused_ || line - truth > monitor_.tolerated()) return;
+    is_paused_ = false;
+    if (missing_ <= monitor_.tolerated()) return;  // a single truth was late
+    if (behind_.count() == 0) quality_.caught_up.count();
+    report_pause(now, std::exchange(behind_, Nanoseconds{0}));
+  } else if (monitor_.was_paused(truth, line, now, clock_.used_rate())) {
     anchor_again(truth, newest_arrival_);
     quality_.resumed.count();
     report_pause(now, line - clock_.truth(now));
@@ -111,7 +199,7 @@ void HostPacer::anchor_again(TruthTime truth, HostTime arrival) noexcept {
 
 // `behind`: by how much the sampled time is later than it would have been.
 void HostPacer::report_pause(HostTime now, Nanoseconds behind) noexcept {
-  const Nanoseconds ahead = reached_ - clock_.truth(now);  // the time stands still until the map reaches it
+  const Nanoseconds ahead = reached_ - mapped(now);  // the time stands still until the map reaches it
   const Nanoseconds held = now - held_from_.value_or(now) + std::max(ahead, Nanoseconds{0});
   quality_.last_missing_ns.store(missing_.count(), std::memory_order_relaxed);
   quality_.last_held_ns.store(held.count(), std::memory_order_relaxed);
@@ -130,7 +218,7 @@ void HostPacer::publish() noexcept {
 std::unique_ptr<Pacer> make_pacer(const Config& config, const Timeline& timeline, TruthQuality& quality) {
   if (config.clock != ClockMode::realtime) return std::make_unique<TruthPacer>();
   if (is_capture(config.truth.port)) return std::make_unique<CapturePacer>();
-  return std::make_unique<HostPacer>(config.truth.clock, timeline.limits(), quality);
+  return std::make_unique<HostPacer>(config.truth.clock, epoch_of(config), timeline.limits(), quality);
 }
 
 }  // namespace imud

@@ -10,6 +10,7 @@
 #include "emulator/plan/config.hpp"
 #include "emulator/truth/truth_clock.hpp"
 #include "emulator/truth/truth_monitor.hpp"
+#include "emulator/truth/truth_stamps.hpp"
 
 namespace imud {
 
@@ -26,6 +27,12 @@ class Pacer {
 
   // Replaces the delay of live truth in `realtime`; without effect in the other modes.
   virtual void set_delay(const TruthClock::Options&) noexcept {}
+
+  // The epoch's clock is so much ahead of the host's, for the stamps and instants that follow.
+  virtual void set_ahead(Nanoseconds) noexcept {}
+  // Takes the stamp of a truth that arrived at `arrival`, before any other function is called for that truth.
+  // `begins`: it begins a run.
+  virtual void take_stamp(const Truth&, HostTime, bool) noexcept {}
 
   // Called for the first truth, and for one with which simulation time restarts before is_settled(). Returns true if
   // arrivals have to be observed before a run can begin.
@@ -77,11 +84,21 @@ class CapturePacer final : public TruthPacer {
 // truth it samples. While truth is missing, the sampled time goes on for as long as motion is extrapolated, and then
 // stands still. It goes on where it stood: at once, if the simulator has caught up; otherwise the map is re-anchored
 // through the newest truth, and the time goes on when the map reaches it. Writes the estimates to `quality`.
+//
+// With a given delay, stamps by the epoch's clock take the place of the estimate: an instant samples the truth that
+// has the stamp of the instant less the delay, interpolated. If a stamp is too far from the arrival, the estimate is
+// used until a stamp is near.
 class HostPacer final : public Pacer {
  public:
   // `limits`: the timeline's, which may change.
-  HostPacer(const TruthClock::Options& options, const Timeline::Limits& limits, TruthQuality& quality) noexcept
-      : clock_(options), limits_(limits), monitor_(limits), quality_(quality) {}
+  HostPacer(const TruthClock::Options& options, Epoch epoch, const Timeline::Limits& limits,
+            TruthQuality& quality) noexcept
+      : clock_(options),
+        stamps_(epoch),
+        has_given_delay_(options.automatic_percent == 0),
+        limits_(limits),
+        monitor_(limits),
+        quality_(quality) {}
 
   bool waits_for_truth() const noexcept override { return false; }
   bool is_paced() const noexcept override { return true; }
@@ -93,16 +110,32 @@ class HostPacer final : public Pacer {
     clock_.observe_inserted(truth, arrival);
   }
   void review(TruthTime truth, HostTime now) noexcept override;
-  void set_delay(const TruthClock::Options& options) noexcept override { clock_.set(options); }
+  void set_delay(const TruthClock::Options& options) noexcept override {
+    clock_.set(options);
+    has_given_delay_ = options.automatic_percent == 0;
+  }
+  void set_ahead(Nanoseconds ahead) noexcept override { ahead_ = ahead; }
+  void take_stamp(const Truth& truth, HostTime arrival, bool begins) noexcept override;
   TruthTime truth(HostTime instant) const noexcept override;
   TruthTime use(HostTime instant) noexcept override;
 
  private:
+  bool is_mapped_by_stamps() const noexcept { return has_given_delay_ && !stamps_.is_empty(); }
+  SharedTime shared(HostTime time) const noexcept { return {(time + ahead_).ns}; }
+  TruthTime mapped(HostTime instant) const noexcept;
+  bool observe_stamped(TruthTime truth, HostTime arrival, HostTime due) noexcept;
+  void add_arrival(TruthTime truth, HostTime arrival, HostTime due) noexcept;
+  void remark_stamp(const Truth& truth, TruthStamps::Result result, SharedTime arrival) noexcept;
   void publish() noexcept;
   void anchor_again(TruthTime truth, HostTime arrival) noexcept;
   void report_pause(HostTime now, Nanoseconds behind) noexcept;
 
   TruthClock clock_;
+  TruthStamps stamps_;
+  bool has_given_delay_;
+  Nanoseconds ahead_{0};
+  Nanoseconds shift_{0};   // TruthStamps::Taken, of the newest truth
+  Nanoseconds behind_{0};  // the simulator's pauses by its stamps since it was reported
   const Timeline::Limits& limits_;
   TruthMonitor monitor_;
   TruthQuality& quality_;

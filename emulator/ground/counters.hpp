@@ -266,6 +266,9 @@ struct TruthQuality : CounterGroup {
   Counter caught_up{*this, {"caught_up", "pauses caught up"}};
   // Times that the automatic delay was raised, because truths were later than it allows for.
   Counter delay_raises{*this, {"delay_raises", "raises of the automatic delay"}};
+  // Truths whose stamps map the epoch's clock to the simulator's time, and truths whose stamps were refused.
+  Counter stamped{*this, {"stamped", "mapped by their stamps"}};
+  Counter stamps_refused{*this, {"stamps_refused", "stamps refused", Show::if_not_zero, Show::if_not_zero}};
   // Simulation seconds in a host second, estimated.
   Level rate{*this, "clock_rate", 1, 1};
   // Seconds by which the simulation has fallen behind the host's clock in this run.
@@ -283,6 +286,7 @@ struct TruthQuality : CounterGroup {
     std::atomic<double> interval_s = 0, jitter_s = 0, duration_s = 0;
   };
   Settled settled;
+  Remark stamps;  // why stamps are not used
   // The greatest differences between the motion that was extrapolated for samples and the one that was interpolated
   // for the same instants when later truth had arrived. `samples`: how many were compared.
   struct ExtrapolationError {

@@ -2,14 +2,14 @@
 #pragma once
 
 #include <array>
-#include <cstdint>
 
+#include "core/time.hpp"
 #include "emulator/ground/words.hpp"
 
 namespace imud {
 
-// CLOCK_TAI, CLOCK_REALTIME, CLOCK_MONOTONIC; none: the instants count from the beginning of the run.
-enum class Epoch : std::uint8_t { none, tai, utc, monotonic };
+// none: the instants count from the beginning of the run.
+using Epoch = SharedClock;
 inline constexpr auto epoch_words = std::to_array<Word<Epoch>>(
     {{Epoch::none, "none"}, {Epoch::tai, "tai"}, {Epoch::utc, "utc"}, {Epoch::monotonic, "monotonic"}});
 

@@ -23,6 +23,12 @@ std::string progress_text(const Summary& all) {
   if (progress <= 0 || progress >= 1) return {};
   return fmt::format("{:.0f} % of the capture, {} left; ", 100 * progress, time_left(all.duration_s, progress));
 }
+std::vector<const Remark*> remarks_of(const RunCounters& counters) {
+  const auto of_truth = counters.truth->remarks.all();
+  std::vector<const Remark*> all(of_truth.begin(), of_truth.end());
+  all.push_back(&counters.quality->stamps);
+  return all;
+}
 std::string times(std::uint64_t n) { return n == 1 ? std::string() : fmt::format(" ({} times)", n); }
 }  // namespace
 
@@ -32,7 +38,7 @@ Monitor::Monitor(RunCounters counters, const Config& config, const Options& opti
       options_(options),
       quality_(options.quality_file),
       imu_names_(names_of(config.imus)),
-      remarks_(counters_.truth->remarks.all().size()),
+      remarks_(remarks_of(counters_).size()),
       refusals_(counters_.truth->refused.counters.size()),
       edges_refused_(config.imus.size()),
       device_reported_(config.imus.size()),
@@ -93,7 +99,7 @@ Summary Monitor::finish(std::string capture_warning) {
   report_extrapolation(true);
   Summary all = now();
   all.truth.warning = std::move(capture_warning);
-  for (const Remark* remark : counters_.truth->remarks.all())
+  for (const Remark* remark : remarks_of(counters_))
     if (remark->is_set()) all.truth.remarks.emplace_back(remark->text());
   for (std::size_t i = 0; i < refusals_.size(); ++i)
     if (const Remark& first = counters_.truth->refused.first[i]; first.is_set())
@@ -176,7 +182,7 @@ void Monitor::report_refusals() {
 }
 
 void Monitor::report_remarks() {
-  const auto all = counters_.truth->remarks.all();
+  const auto all = remarks_of(counters_);
   for (std::size_t i = 0; i < all.size(); ++i)
     if (!remarks_[i] && all[i]->is_set()) {
       remarks_[i] = true;

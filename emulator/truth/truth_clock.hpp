@@ -70,6 +70,8 @@ class TruthClock {
   double delay_s() const noexcept { return delay_s_; }
   // How often the automatic delay was raised after it was settled.
   std::uint64_t delay_raises() const noexcept { return delay_raises_; }
+  // Returns the map's delay at `time`: once it has slewed, a given delay to the nanosecond.
+  Nanoseconds delay(HostTime time) const noexcept { return nanoseconds(delay_at(time)); }
   // The latency of the last truth observed, relative to the line, s.
   double lateness_s() const noexcept { return lateness_s_; }
 

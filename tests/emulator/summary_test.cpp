@@ -76,7 +76,7 @@ TEST_F(SummaryTest, TheTextHasEveryCounterThatIsNotZero) {
       *const_cast<Counter*>(counter) = number;
       EXPECT_TRUE(contains(text(summarize(1)), words)) << text(summarize(1));
     }
-  EXPECT_EQ(number, 70U + 12U + 17U + 6U + 31U);
+  EXPECT_EQ(number, 70U + 12U + 17U + 8U + 31U);
   EXPECT_TRUE(contains(text(summarize(1)), " not sent"));
 }
 

@@ -15,6 +15,7 @@
 #include "tests/emulator/run/live_test.hpp"
 #include "tests/support/allocations.hpp"
 #include "tests/support/locks.hpp"
+#include "transports/host_clock.hpp"
 #include "transports/uart/termios2.hpp"
 
 namespace imud {
@@ -42,7 +43,8 @@ TEST(Locks, AreCountedOnThreadsThatEnableIt) {
 
 // Samples of six imus to a pty with a reader, one without, a file, a socket, and paced ptys whose readers have set
 // the right and a wrong speed, at 1 kHz; truth at 500 Hz with bad datagrams among it, repeated ones, and pauses
-// beyond which motion is held. All of it is recorded, controlled by commands, and watched.
+// beyond which motion is held; half of it has stamps, of the right and of another clock. All of it is recorded,
+// controlled by commands, and watched.
 TEST_F(LiveTest, TheHotLoopAllocatesLocksAndLogsNothing) {
   std::string text =
       "clock = \"realtime\"\n[truth]\nport = \"" + simulator_.port() + "\"\ndelay_ms = 0\nextrapolate_ms = 20\n";
@@ -79,7 +81,7 @@ TEST_F(LiveTest, TheHotLoopAllocatesLocksAndLogsNothing) {
       std::make_shared<spdlog::logger>("", std::make_shared<spdlog::sinks::ostream_sink_mt>(log)));
   std::thread sampler([&] {
     MonotonicHost host;
-    HostPacer pacer(config.truth.clock, engine.timeline().limits(), engine.quality());
+    HostPacer pacer(config.truth.clock, Epoch::monotonic, engine.timeline().limits(), engine.quality());
     ClockCounters clock;
     Loop loop(engine, host, pacer, {}, clock, stop);
     count_locks_of_this_thread();
@@ -105,7 +107,9 @@ TEST_F(LiveTest, TheHotLoopAllocatesLocksAndLogsNothing) {
   }};
   const auto play = [&](std::uint32_t truths) {
     for (const std::uint32_t until = k + truths; k < until; ++k) {
-      const Simulator::Datagram good = Simulator::encode(Simulator::truth(2 * k, k, k % 10 == 0));
+      Truth truth = Simulator::truth(2 * k, k, k % 10 == 0);
+      if (k / 100 % 2 == 1) truth.stamp = {k % 13 == 0 ? SharedClock::utc : SharedClock::monotonic, {host_now().ns}};
+      const Simulator::Datagram good = Simulator::encode(truth);
       simulator_.send(good);
       if (k % 7 == 0) simulator_.send(good);
       if (k % 11 == 0) simulator_.send(std::span(good).first(100));
@@ -135,7 +139,7 @@ TEST_F(LiveTest, TheHotLoopAllocatesLocksAndLogsNothing) {
     return counters(0).samples - samples > 1000 && counters(0).frames > 500 && counters(1).dropped > 500 &&
            counters(2).frames > 500 && counters(4).frames > 500 && counters(5).frames > 500 &&
            refused(Refusal::duplicate) > 20 && refused(Refusal::too_short) > 20 && quality.stops > stops + 1 &&
-           quality.returns > returns + 1;
+           quality.returns > returns + 1 && quality.stamped > 20 && quality.stamps_refused > 0;
   });
   const std::uint64_t allocated_after = allocations(), locked_after = locks_taken();
   stop = true;
