@@ -16,7 +16,7 @@
 //   }
 //
 // Frames: N inertial, B the vehicle's body. x_BN_N: of B relative to N, in N components. The datagram's layout,
-// version 1, is in imud's protocols/native_truth.hpp.
+// version 1 or with a stamp 2, is in imud's protocols/native_truth.hpp.
 #pragma once
 
 #include <fcntl.h>
@@ -42,6 +42,13 @@ namespace imud_lockstep {
 
 using Vector3 = std::array<double, 3>;
 
+// A clock that hosts share: CLOCK_TAI, CLOCK_REALTIME, and CLOCK_MONOTONIC for the processes of one host.
+enum class Clock : std::uint32_t { tai = 1, utc = 2, monotonic = 3 };
+struct Stamp {
+  Clock clock = Clock::tai;
+  std::int64_t time_ns = 0;
+};
+
 // Motion of the vehicle at an instant.
 struct Truth {
   std::int64_t simulation_time_ns = 0;
@@ -54,6 +61,8 @@ struct Truth {
   // m/s; integral of the specific force since the start. At most one of the two is given.
   std::optional<Vector3> accumulated_dv_inertial_B;  // accumulated in N, given in the B axes of the instant
   std::optional<Vector3> accumulated_dv_body_sum_B;  // sum of increments, each in the B axes at the end of its step
+  // When the simulation has this time. In real time with realtime.epoch, imud maps the simulation's time by it.
+  std::optional<Stamp> stamp;
 };
 
 struct Answer {
@@ -119,7 +128,7 @@ inline Datagram encode(const Truth& truth, std::uint32_t stream, std::uint32_t s
         "accumulated_dv_inertial_B and accumulated_dv_body_sum_B: only one of them can be given");
 
   std::memcpy(datagram.data(), "IMUT", 4);
-  put(4, 2, 1);
+  put(4, 2, truth.stamp ? 2 : 1);
   put(8, 4, stream);
   put(12, 4, sequence);
   put(16, 8, static_cast<std::uint64_t>(truth.simulation_time_ns));
@@ -132,7 +141,12 @@ inline Datagram encode(const Truth& truth, std::uint32_t stream, std::uint32_t s
   put_given(4, 168, truth.accumulated_dv_inertial_B, "accumulated_dv_inertial_B");
   put_given(8, 168, truth.accumulated_dv_body_sum_B, "accumulated_dv_body_sum_B");
   put(6, 2, flags);
-  put(196, 4, crc32c(datagram.data(), 196));
+  if (truth.stamp) {
+    put(192, 8, static_cast<std::uint64_t>(truth.stamp->time_ns));
+    put(200, 4, static_cast<std::uint32_t>(truth.stamp->clock));
+  }
+  const std::size_t checksum = truth.stamp ? 204 : 196;
+  put(checksum, 4, crc32c(datagram.data(), checksum));
   return datagram;
 }
 

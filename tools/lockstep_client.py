@@ -16,7 +16,7 @@ Copy this file into a simulator. It needs Python 3.9 and its standard library. I
             vehicle.integrate(0.01)
 
 Frames: N inertial, B the vehicle's body. x_BN_N: of B relative to N, in N components. The datagram's layout, version
-1, is that of imud's protocols/native_truth.hpp. Run as a program, it is a turntable: see --help.
+1 or with a stamp 2, is that of imud's protocols/native_truth.hpp. Run as a program, it is a turntable: see --help.
 """
 import argparse
 import math
@@ -29,6 +29,10 @@ from dataclasses import dataclass
 from typing import NamedTuple, Optional, Sequence, Tuple
 
 Vector3 = Sequence[float]
+
+# The clocks that hosts share, with their numbers in the datagram: CLOCK_TAI, CLOCK_REALTIME, and CLOCK_MONOTONIC for the
+# processes of one host.
+CLOCKS = {"tai": 1, "utc": 2, "monotonic": 3}
 
 
 @dataclass
@@ -45,6 +49,9 @@ class Truth:
     # m/s; integral of the specific force since the start. At most one of the two is given.
     accumulated_dv_inertial_B: Optional[Vector3] = None  # accumulated in N, given in the B axes of the instant
     accumulated_dv_body_sum_B: Optional[Vector3] = None  # sum of increments, each in the B axes at its step's end
+    # When the simulation has this time: one of CLOCKS, and its time in ns. In real time with realtime.epoch, imud maps the
+    # simulation's time by it.
+    stamp: Optional[Tuple[str, int]] = None
 
 
 class Answer(NamedTuple):
@@ -119,8 +126,15 @@ def encode(truth: Truth, stream: int, sequence: int, new_run: bool, acknowledge:
             raise ValueError(f"{name} is not finite: has the simulation diverged?")
         flags |= flag
         struct.pack_into("<3d", datagram, offset, x, y, z)
-    struct.pack_into("<4sHHIIq", datagram, 0, b"IMUT", 1, flags, stream, sequence, time_ns)
-    struct.pack_into("<I", datagram, 196, crc32c(datagram[:196]))
+    version, checksum = 1, 196
+    if truth.stamp is not None:
+        clock, stamp_ns = truth.stamp
+        if clock not in CLOCKS:
+            raise ValueError(f"the stamp's clock is {clock!r}; right would be one of {', '.join(CLOCKS)}")
+        version, checksum = 2, 204
+        struct.pack_into("<qI", datagram, 192, whole_number("stamp_ns", stamp_ns, -(2**62) + 1, 2**62 - 1), CLOCKS[clock])
+    struct.pack_into("<4sHHIIq", datagram, 0, b"IMUT", version, flags, stream, sequence, time_ns)
+    struct.pack_into("<I", datagram, checksum, crc32c(datagram[:checksum]))
     return bytes(datagram)
 
 

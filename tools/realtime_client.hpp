@@ -30,12 +30,15 @@ namespace imud_lockstep {
 
 // One run of one vehicle: the first truth is marked as the beginning of a run, and is sent at once. Each other truth
 // is due when as much time of CLOCK_MONOTONIC has passed since the first one was sent as simulation time between the
-// two: no delay adds up. Use it from one thread at a time.
+// two: no delay adds up. With Options::clock this clock is used, and each truth is stamped with the time at which it
+// is due: imuds on several hosts then sample the same truth at the same instant (realtime.epoch, truth.delay_ms). Use
+// it from one thread at a time.
 class RealtimeClient {
  public:
   struct Options {
     std::uint32_t stream = 0;          // number of the vehicle; imud accepts the truth of one vehicle only
     std::uint32_t first_sequence = 0;  // of the first truth
+    std::optional<Clock> clock;        // of the stamps; none: without stamps
   };
   struct Counters {
     std::uint64_t sent = 0;        // truths that the network accepted
@@ -47,7 +50,10 @@ class RealtimeClient {
   // Throws as Connection does. imud may start later.
   RealtimeClient(const std::string& address, std::uint16_t port) : RealtimeClient(address, port, Options()) {}
   RealtimeClient(const std::string& address, std::uint16_t port, const Options& options)
-      : stream_(options.stream), sequence_(options.first_sequence), connection_(address, port) {}
+      : stream_(options.stream),
+        clock_(options.clock),
+        sequence_(options.first_sequence),
+        connection_(address, port) {}
 
   // Waits until `truth` is due, then sends it; sends it at once if it is late. Returns false if the network did not
   // accept it: the next one may be accepted. Throws std::invalid_argument as encode() does, or if the simulation time
@@ -57,8 +63,10 @@ class RealtimeClient {
       throw std::invalid_argument("simulation_time_ns is " + std::to_string(truth.simulation_time_ns) + " after " +
                                   std::to_string(last_->simulation_ns) +
                                   "; right would be a time that increases; for a new run make a new client");
-    const Datagram datagram = encode(truth, stream_, sequence_, counters_.sent == 0, false);
     const std::int64_t due_ns = last_ ? last_->due_ns + (truth.simulation_time_ns - last_->simulation_ns) : now_ns();
+    Truth stamped = truth;
+    if (clock_) stamped.stamp = Stamp{*clock_, due_ns};
+    const Datagram datagram = encode(stamped, stream_, sequence_, counters_.sent == 0, false);
     sleep_until(due_ns);
     const bool is_sent = connection_.send(datagram) == 0;
     ++(is_sent ? counters_.sent : counters_.refused);
@@ -74,22 +82,27 @@ class RealtimeClient {
  private:
   struct Instant {
     std::int64_t simulation_ns;
-    std::int64_t due_ns;  // CLOCK_MONOTONIC
+    std::int64_t due_ns;
   };
 
-  static std::int64_t now_ns() noexcept {
+  clockid_t clock() const noexcept {
+    if (clock_ == Clock::tai) return CLOCK_TAI;
+    return clock_ == Clock::utc ? CLOCK_REALTIME : CLOCK_MONOTONIC;
+  }
+  std::int64_t now_ns() const noexcept {
     timespec now{};
-    ::clock_gettime(CLOCK_MONOTONIC, &now);
+    ::clock_gettime(clock(), &now);
     return std::int64_t{now.tv_sec} * 1'000'000'000 + now.tv_nsec;
   }
-  static void sleep_until(std::int64_t instant_ns) noexcept {
+  void sleep_until(std::int64_t instant_ns) const noexcept {
     timespec instant{};
     instant.tv_sec = static_cast<time_t>(instant_ns / 1'000'000'000);
     instant.tv_nsec = static_cast<long>(instant_ns % 1'000'000'000);
-    while (::clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &instant, nullptr) == EINTR) continue;
+    while (::clock_nanosleep(clock(), TIMER_ABSTIME, &instant, nullptr) == EINTR) continue;
   }
 
   const std::uint32_t stream_;
+  const std::optional<Clock> clock_;
   std::uint32_t sequence_;  // of the next truth
   const Connection connection_;
   std::optional<Instant> last_;

@@ -18,16 +18,19 @@ Run as a program, it is a turntable: see --help.
 """
 import sys
 import time
+from dataclasses import replace
 from typing import Optional, Tuple
 
-from lockstep_client import Truth, connect, encode, turntable, turntable_options, whole_number
+from lockstep_client import CLOCKS, Truth, connect, encode, turntable, turntable_options, whole_number
 
 
 class RealtimeClient:
     """One run of one vehicle: the first truth is marked as the beginning of a run, and is sent at once.
 
     Each other truth is due when as much time of the monotonic clock has passed since the first one was sent as
-    simulation time between the two: no delay adds up. Use it from one thread at a time.
+    simulation time between the two: no delay adds up. With `clock` this clock is used, and each truth is stamped with
+    the time at which it is due: imuds on several hosts then sample the same truth at the same instant (realtime.epoch,
+    truth.delay_ms). Use it from one thread at a time.
     """
 
     def __init__(
@@ -37,7 +40,13 @@ class RealtimeClient:
         *,
         stream: int = 0,  # number of the vehicle; imud accepts the truth of one vehicle only
         first_sequence: int = 0,
+        clock: Optional[str] = None,  # of the stamps, one of CLOCKS; None: without stamps
     ):
+        if clock is not None and clock not in CLOCKS:
+            raise ValueError(f"clock is {clock!r}; right would be one of {', '.join(CLOCKS)}")
+        self._clock = clock
+        # CLOCK_TAI has no name in some Pythons.
+        self._id = {"tai": 11, "utc": time.CLOCK_REALTIME}.get(clock, time.CLOCK_MONOTONIC)
         self._stream = whole_number("stream", stream, 0, 0xFFFFFFFF)
         self._sequence = first_sequence & 0xFFFFFFFF
         self._last: Optional[Tuple[int, int]] = None  # simulation time, and the time at which it was due; ns
@@ -62,24 +71,29 @@ class RealtimeClient:
         Returns False if the network did not accept it: the next one may be accepted. Raises ValueError as encode()
         does, or if the simulation time is not later than that of the truth before.
         """
-        datagram = encode(truth, self._stream, self._sequence, self.sent == 0, acknowledge=False)
-        due = time.monotonic_ns()
+        time_ns = whole_number("simulation_time_ns", truth.simulation_time_ns, -(2**63), 2**63 - 1)
+        due = self._now()
         if self._last is not None:
             last_time, last_due = self._last
-            if truth.simulation_time_ns <= last_time:
+            if time_ns <= last_time:
                 raise ValueError(
-                    f"simulation_time_ns is {truth.simulation_time_ns} after {last_time}; right would be a time that "
+                    f"simulation_time_ns is {time_ns} after {last_time}; right would be a time that "
                     "increases; for a new run make a new client"
                 )
-            due = last_due + int(truth.simulation_time_ns) - last_time
-        while (left := due - time.monotonic_ns()) > 0:
+            due = last_due + time_ns - last_time
+        stamped = truth if self._clock is None else replace(truth, stamp=(self._clock, due))
+        datagram = encode(stamped, self._stream, self._sequence, self.sent == 0, acknowledge=False)
+        while (left := due - self._now()) > 0:
             time.sleep(left / 1e9)
         is_sent = self._send(datagram)
-        self.lateness_ns = max(0, time.monotonic_ns() - due)
+        self.lateness_ns = max(0, self._now() - due)
         self.max_lateness_ns = max(self.max_lateness_ns, self.lateness_ns)
-        self._last = int(truth.simulation_time_ns), due
+        self._last = time_ns, due
         self._sequence = (self._sequence + 1) & 0xFFFFFFFF
         return is_sent
+
+    def _now(self) -> int:
+        return time.clock_gettime_ns(self._id)
 
     def _send(self, datagram: bytes) -> bool:
         for _ in range(2):  # the first error may belong to an earlier datagram

@@ -49,6 +49,8 @@ lockstep::Truth client_truth(const Truth& truth) {
     t.accumulated_dv_inertial_B = vector_of(truth.accumulated_dv_B);
   if (truth.accumulated_dv == AccumulatedDv::body_sum)
     t.accumulated_dv_body_sum_B = vector_of(truth.accumulated_dv_B);
+  if (truth.stamp.clock != SharedClock::none)
+    t.stamp = lockstep::Stamp{static_cast<lockstep::Clock>(truth.stamp.clock), truth.stamp.time.ns};
   return t;
 }
 
@@ -56,7 +58,7 @@ lockstep::Truth spiral(std::int64_t ms) {
   return client_truth(find_motion("spiral")->at(TruthTime{ms * 1'000'000}, {}));
 }
 
-// With every combination of optional parts and of the new-run flag.
+// With every combination of optional parts and of the new-run flag, the latter with a stamp.
 std::vector<Truth> every_kind() {
   std::vector<Truth> truths;
   for (const AccumulatedDv kind : {AccumulatedDv::none, AccumulatedDv::inertial, AccumulatedDv::body_sum})
@@ -67,6 +69,7 @@ std::vector<Truth> every_kind() {
       t.sequence = 0xFFFFFFFF - parts;
       t.acknowledge = true;
       t.new_run = (parts & 4U) != 0;
+      if (t.new_run) t.stamp = {static_cast<SharedClock>(1 + parts % 3), {1'795'834'994'123'456'789 + parts}};
       t.r_BN_N = {6.7e6, -1e-300, 2.0};
       t.v_BN_N = {7.5e3, -0.0, 0.1};
       t.q_NB = exp(Vector3(0.3, -0.4, 1.2));
@@ -100,6 +103,8 @@ std::string json_line(const lockstep::Truth& t) {
   add("specific_force_B", t.specific_force_B);
   add("accumulated_dv_inertial_B", t.accumulated_dv_inertial_B);
   add("accumulated_dv_body_sum_B", t.accumulated_dv_body_sum_B);
+  constexpr const char* clocks[] = {"tai", "utc", "monotonic"};
+  if (t.stamp) line["stamp"] = {clocks[static_cast<std::size_t>(t.stamp->clock) - 1], t.stamp->time_ns};
   return line.dump() + "\n";
 }
 

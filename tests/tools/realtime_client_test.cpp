@@ -107,6 +107,51 @@ TEST_P(RealtimeClients, ImudAcceptsEveryTruth) {
   EXPECT_EQ(truth["runs"], 1) << truth.dump();
 }
 
+TEST_P(RealtimeClients, StampsAreTheTimesAtWhichTheTruthsAreDue) {
+  for (const SharedClock clock : {SharedClock::tai, SharedClock::utc, SharedClock::monotonic}) {
+    const clockid_t id = clock == SharedClock::tai   ? CLOCK_TAI
+                         : clock == SharedClock::utc ? CLOCK_REALTIME
+                                                     : CLOCK_MONOTONIC;
+    const auto now = [id] {
+      timespec time{};
+      clock_gettime(id, &time);
+      return std::int64_t{time.tv_sec} * 1'000'000'000 + time.tv_nsec;
+    };
+    LoopbackSocket socket;
+    const std::int64_t begin = now();
+    if (GetParam()) {
+      constexpr const char* words[] = {"none", "tai", "utc", "monotonic"};
+      const auto python =
+          run_program(IMUD_PYTHON, {"-B", "-c",
+                                    fmt::format("import sys; sys.path.insert(0, '{}/tools')\n"
+                                                "from realtime_client import *\n"
+                                                "with RealtimeClient('127.0.0.1', {}, clock='{}') as imud:\n"
+                                                "    for step in range(6): imud.send(turntable(step, 0.5))\n",
+                                                IMUD_SOURCE_DIR, socket.port(), words[static_cast<int>(clock)])});
+      EXPECT_EQ(python.exit_code, 0) << python.errors;
+    } else {
+      RealtimeClient::Options options;
+      options.clock = static_cast<imud_lockstep::Clock>(clock);
+      RealtimeClient client("127.0.0.1", static_cast<std::uint16_t>(socket.port()), options);
+      for (int step = 0; step < 6; ++step) client.send(turntable(step));
+    }
+    const std::int64_t end = now();
+    const auto datagrams = socket.receive_all();
+    ASSERT_EQ(datagrams.size(), 6U);
+    const auto decoder = find_truth_format("native")->make(Settings());
+    std::int64_t first = 0;
+    for (std::size_t step = 0; step < 6; ++step) {
+      Truth truth;
+      ASSERT_EQ(decode_truth(*decoder, datagrams[step], truth), TruthResult::ok);
+      EXPECT_EQ(truth.stamp.clock, clock);
+      if (step == 0) first = truth.stamp.time.ns;
+      EXPECT_EQ(truth.stamp.time.ns - first, truth.time.ns);
+    }
+    EXPECT_GE(first, begin);
+    EXPECT_LE(first + 50'000'000, end) << "the last is not sent before it is due";
+  }
+}
+
 TEST(RealtimeClient, ATimeThatDoesNotIncreaseIsRefused) {
   LoopbackSocket socket;
   RealtimeClient client("127.0.0.1", static_cast<std::uint16_t>(socket.port()));
