@@ -20,7 +20,9 @@ from imud.record import load_record  # noqa: E402
 
 LATE, CUT = 7, 3  # the numbers of hosts
 CUT_S = 10
-TRANSMIT, SKIPPED = 12, 1  # RecordEvent, transports/capture/record_packet.hpp
+SAMPLE, TRANSMIT = 11, 12  # RecordEvent, transports/capture/record_packet.hpp
+HELD, SKIPPED = 2, 1  # its flags
+EXTRAPOLATED_NS = 100_000_000  # truth.extrapolate_ms: then the sampled time stands still
 
 
 def eventually(condition):
@@ -40,6 +42,12 @@ class Host:
         self.imu, self.truth = self.summary["imus"][0], self.summary["truth"]
         events = [struct.unpack("<BBHIqqq", packet.data) for packet in load_record(rig.file(number, "pcapng")).of("imud")]
         self.due = [a for kind, _, _, _, a, _, _ in events if kind == TRANSMIT]
+        # By K: the instant less the time of the truth sampled, ns, without samples whose time stands still because truth is missing or
+        # a hold-up is worked off. The host has one imu, and no sample is at rest.
+        sampled = [(a, newest, flags) for kind, flags, _, _, a, newest, _ in events if kind == SAMPLE]
+        self.map_ns = {self.imu["first_k"] + k: (self.imu["first_k"] + k) * rack.PERIOD_NS - a
+                       for k, (a, newest, flags) in enumerate(sampled)
+                       if flags < HELD and a - newest < EXTRAPOLATED_NS and a != newest and (k == 0 or a > sampled[k - 1][0])}
         self.skipped = sum(kind == TRANSMIT and flags & SKIPPED for kind, flags, *_ in events)
         self.first = self.imu["first_k"]
 
@@ -68,7 +76,7 @@ class HostsTest(unittest.TestCase):
 
         for number in on_time:
             rig.start(number)
-        source = rig.source()
+        source = rig.source(clock="monotonic")
         samples(on_time)
         rig.start(LATE)
         samples([LATE])
@@ -78,7 +86,7 @@ class HostsTest(unittest.TestCase):
         samples([CUT])
         source.kill()  # and with it the map from the hosts' clock to the simulator's time
         time.sleep(1)
-        rig.source()
+        rig.source(clock="monotonic")  # another run, with another map
         samples(everyone)
         for imud in rig.imuds.values():
             imud.send_signal(2)
@@ -98,6 +106,20 @@ class HostsTest(unittest.TestCase):
             with self.subTest(host=number):
                 self.assertGreater(len(host.due), 300)
                 self.assertEqual(host.due, [(host.first + k) * rack.PERIOD_NS for k in range(len(host.due))])
+
+    def test_sample_k_is_of_the_same_truth_on_all_hosts(self):
+        maps = {map_ns for host in self.hosts for map_ns in host.map_ns.values()}
+        self.assertEqual(len(maps), 2, "one for each source: when its simulation began by the clock of all, and the delay")
+        every = {K: map_ns for host in self.hosts for K, map_ns in host.map_ns.items()}
+        for number, host in enumerate(self.hosts):
+            with self.subTest(host=number):
+                self.assertGreaterEqual(len(host.map_ns), 200)
+                self.assertEqual(host.map_ns, {K: every[K] for K in host.map_ns})
+                self.assertEqual(host.truth["stamps_refused"], 0)
+        # Before and after it was cut off, with one source.
+        cut = [K for K, map_ns in self.hosts[CUT].map_ns.items() if map_ns == min(maps)]
+        self.assertGreaterEqual(len(cut), 200)
+        self.assertGreater(max(b - a for a, b in zip(cut, cut[1:])), (CUT_S - 1) * rack.RATE_HZ)
 
     def test_a_host_that_joins_late_is_at_the_current_k(self):
         late = self.hosts[LATE]
