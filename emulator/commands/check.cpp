@@ -19,6 +19,7 @@
 #include "emulator/drive/assembly.hpp"
 #include "emulator/ground/error_text.hpp"
 #include "emulator/plan/config.hpp"
+#include "emulator/report/clock_watch.hpp"
 #include "emulator/report/outcome.hpp"
 #include "emulator/truth/capture_check.hpp"
 
@@ -57,6 +58,17 @@ std::string delay_text(const TruthConfig& truth) {
       "truth "
       "interval and its jitter are longer",
       1e3 * seconds(truth.clock.delay));
+}
+
+// Describes the clock that the grids of samples are on, as it is now; empty if they are on none.
+std::string epoch_text(const Config& config) {
+  ClockFigures clock;
+  clock.epoch = epoch_of(config);
+  if (clock.epoch == Epoch::none) return {};
+  if (clock.epoch != Epoch::monotonic) clock.state = read_clock_state();
+  const std::string error = clock_error_text(clock);
+  return fmt::format("samples are on the grid of {}{}{}", word_of(epoch_words, clock.epoch),
+                     error.empty() ? "" : ", ", error);
 }
 
 // Describes the unit's own filter.
@@ -100,6 +112,7 @@ std::string solution_text(const NavigatorModel& navigator, const EarthModel& ear
 void print_text(const std::string& path, const Config& config) {
   fmt::print("{}: good\n", path);
   fmt::print("{:<8} seed {}, clock {}\n", "run", config.seed, word_of(clock_words, config.clock));
+  if (const std::string epoch = epoch_text(config); !epoch.empty()) fmt::print("{:<8} {}\n", "epoch", epoch);
   fmt::print("{:<8} {} from {}\n", "truth", config.truth.format->name, config.truth.port);
   if (has_live_truth(config)) fmt::print("{:<8} {}\n", "", delay_text(config.truth));
   if (const std::string derived = fit_text(config.truth); !derived.empty()) fmt::print("{:<8} {}\n", "", derived);
@@ -202,6 +215,7 @@ void print_json(const std::string& path, const Config& config) {
                      {"warnings", config.warnings},
                      {"delay", std::move(delay)},
                      {"derived", std::move(fit)},
+                     {"epoch", epoch_text(config)},
                      {"earth", earth_text(config.truth)},
                      {"imus", std::move(imus)},
                      {"buses", std::move(buses)},
@@ -225,6 +239,9 @@ int check(const std::string& path, std::span<const std::string> overrides, const
     const CaptureFindings findings = check_capture(config);
     if (!findings.faults.empty() && !options.repeats) throw ConfigError(findings.faults);
     config.warnings.insert(config.warnings.end(), findings.warnings.begin(), findings.warnings.end());
+    if (epoch_of(config) != Epoch::none)
+      if (const std::string fault = epoch_fault(config.realtime, read_clock_state()); !fault.empty())
+        config.warnings.push_back("imud run does not begin: " + fault);
     if (options.layout == CheckLayout::text) print_text(path, config);
     if (options.layout == CheckLayout::toml) fmt::print("{}", config.resolved());
     if (options.layout == CheckLayout::json) print_json(path, config);

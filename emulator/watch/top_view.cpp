@@ -99,6 +99,7 @@ std::vector<std::string> TopView::lines(HostTime now) const {
                                               status_.value("pid", 0), status_.value("started", std::string("?")),
                                               run_time_text(counters.value("duration_s", 0.0)),
                                               status_.value("clock", std::string("?")))};
+  if (std::string clock = clock_line(counters); !clock.empty()) all.push_back(std::move(clock));
   using namespace std::chrono_literals;
   if (heard_ && now - *heard_ > 3s)
     all.push_back(fmt::format("NO ANSWER for {} s: the run is stopped or too busy",

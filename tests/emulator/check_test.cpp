@@ -8,6 +8,7 @@
 #include "emulator/config/load_config.hpp"
 #include "emulator/config/presets.hpp"
 #include "emulator/plan/config.hpp"
+#include "emulator/report/clock_watch.hpp"
 #include "tests/emulator/run/run_test.hpp"
 #include "tests/support/text.hpp"
 
@@ -113,6 +114,24 @@ TEST_F(CheckTest, NamesTheDelayAndItsLatency) {
   EXPECT_EQ(delay("truth.delay_ms=20")["delay_ms"], 20.0);
   EXPECT_EQ(delay("truth.delay_ms=0")["automatic"], false);
   EXPECT_TRUE(delay("clock=lockstep").is_null());
+}
+
+// The clock of the grids; "tai" and "utc" need a synchronised one.
+TEST_F(CheckTest, NamesTheEpochAndWhatItLacks) {
+  const std::string c = write("live.toml", minimal(*find_protocol("native")));
+  const auto checked = [&](const std::string& epoch) {
+    return nlohmann::json::parse(
+        run_program("imud", {"check", c, "--json", "--set", "realtime.epoch=" + epoch}).output);
+  };
+  EXPECT_TRUE(contains(run_program("imud", {"check", c, "--set", "realtime.epoch=monotonic"}).output,
+                       "\nepoch    samples are on the grid of monotonic\n"));
+  EXPECT_EQ(checked("none")["epoch"], "");
+  EXPECT_TRUE(checked("monotonic")["warnings"].empty());
+  const auto utc = checked("utc");
+  EXPECT_TRUE(contains(utc["epoch"].get<std::string>(), "samples are on the grid of utc, clock ")) << utc["epoch"];
+  RealtimeConfig realtime;
+  realtime.epoch = Epoch::utc;
+  EXPECT_EQ(utc["warnings"].empty(), epoch_fault(realtime, read_clock_state()).empty()) << utc["warnings"];
 }
 
 TEST_F(CheckTest, TheResolvedConfigurationGivesTheSameBytes) {

@@ -38,11 +38,11 @@ class RunsTest(unittest.TestCase):
     def socket(self, name):
         return self.folder / f"imud-{name}.sock"
 
-    def start(self, name="bench", more=""):
-        """Starts a run and waits until it is ready."""
+    def start(self, name="bench", more="", words=()):
+        """Starts a run, with more words of its command line, and waits until it is ready."""
         (self.folder / f"{name}.toml").write_text(CONFIGURATION.format(name=name, more=more))
         read, write = os.pipe()
-        run = subprocess.Popen([IMUD, "run", f"{name}.toml", "--quiet", "--ready-fd", str(write)], cwd=self.folder,
+        run = subprocess.Popen([IMUD, "run", f"{name}.toml", "--quiet", "--ready-fd", str(write), *words], cwd=self.folder,
                                env=self.environment, pass_fds=[write], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         os.close(write)
         self.addCleanup(lambda: (run.kill(), run.wait()))

@@ -111,6 +111,13 @@ class TopTest(RunsTest):
         self.expect_end(0)
         self.assertIsNone(run.poll())
 
+    def test_shows_the_clock_of_the_grids(self):
+        self.start(words=["--set", "realtime.epoch=monotonic"])
+        self.open("bench")
+        self.wait_for(lambda rows: rows[1].startswith("grids on monotonic, 0 steps, imu1 from k "))
+        self.type("q")
+        self.expect_end(0)
+
     def test_begins_faults(self):
         self.start(more=FAULTS)
         self.open("bench")

@@ -5,7 +5,7 @@ import re
 import sys
 
 from chromium import check_in_browser, expect_no_errors, text
-from imud_page import Imud, wait_until
+from imud_page import NO_PRIORITY, Imud, wait_until
 from selenium.common.exceptions import (ElementClickInterceptedException, NoSuchElementException,
                                         StaleElementReferenceException)
 from selenium.webdriver.common.by import By
@@ -132,8 +132,9 @@ def check(browser):
 
     assert imud.stop() == 0
     wait_until("the loss is shown", lambda: "not connected" in text(browser, "#connection"))
-    imud = Imud(imud_path, truth_path, listen=imud.address)
+    imud = Imud(imud_path, truth_path, realtime=NO_PRIORITY + "epoch = 'monotonic'\n", listen=imud.address)
     wait_until("connected again", lambda: text(browser, "#connection") == "connected")
+    wait_until("the clock of the grids", lambda: text(browser, "#truth").endswith(", grids on monotonic, 0 steps"))
     wait_until("values again", lambda: browser.execute_script("return !!document.querySelector('.values td')"))
     assert not browser.find_elements(By.CSS_SELECTOR, "#failure:not([hidden])"), text(browser, "#failure")
     browser.get_log("browser")  # has those of the attempts to connect

@@ -24,8 +24,8 @@ export class Counted {
   rate(key) { return this.#rates?.[key]; }
 }
 
-// Returns {state, text}: `state` is empty while truth comes. `counted`: of the truth.
-export function truth_words(metrics, counted) {
+// Returns {state, text}: `state` is empty while truth comes. `counted`: of the truth; `clock`: of the grids, by the method `status`.
+export function truth_words(metrics, counted, clock) {
   const of = (name) => value_of(metrics, `imud_${name}`);
   const seconds = of("run_seconds"), accepted = of("truth_accepted_total"), since_s = of("truth_since_newest_seconds");
   counted.add(seconds, {accepted});
@@ -33,7 +33,14 @@ export function truth_words(metrics, counted) {
   const has_stopped = since_s > stopped_s && since_s * usual_hz > stopped_steps;
   const state = accepted === 0 ? "no truth yet" : has_stopped ? `truth stopped ${since(since_s)}` : "";
   return {state, text: [`run ${seconds?.toFixed(0)} s`, ...(state ? [] : [`truth ${rate_hz?.toFixed(1)} Hz`]), `${accepted} accepted`,
-    ...(delay_s === undefined ? [] : [`sampled ${duration(delay_s)} later`])].join(", ")};
+    ...(delay_s === undefined ? [] : [`sampled ${duration(delay_s)} later`]), ...clock_words(clock)].join(", ")};
+}
+function clock_words(clock) {
+  if (!clock) return [];
+  const {epoch, synchronised, error_us, steps} = clock;
+  const error = synchronised ? [`clock error ${duration(error_us / 1e6)}`]
+    : synchronised === undefined ? [] : [error_us === undefined ? "clock error not known" : "clock not synchronised"];
+  return [`grids on ${epoch}`, ...error, `${steps} steps`];
 }
 function since(seconds) {
   const at = new Date(Date.now() - 1000 * seconds).toLocaleTimeString();

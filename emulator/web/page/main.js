@@ -115,7 +115,7 @@ async function read_metrics() {
   const metrics = parse(text);
   const names = status.imus.map(({name}) => name);
   for (const name of names) if (!imus.has(name)) add_imu(name);
-  show_words($("#truth"), truth_words(metrics, truth_counted), "span");
+  show_words($("#truth"), truth_words(metrics, truth_counted, status.counters.clock), "span");
   status.imus.forEach((of_imu, i) => {
     const {name} = of_imu, {root, series, counted, plots} = imus.get(name), late = buckets(metrics, "imud_imu_lateness_seconds", name);
     const faults = series.spans.filter(({fault, end_s}) => fault !== undefined && end_s === undefined).map((span) => span.name);
