@@ -9,14 +9,14 @@ import pathlib
 import random
 import select
 import shutil
+import signal
 import socket
 import struct
 import subprocess
 import sys
-import threading
 import time
 
-CLONE_NEWNET = 0x40000000
+CLONE_NEWNET, PR_SET_PDEATHSIG = 0x40000000, 1
 GROUP, PORT = "239.77.0.1", 9810
 RATE_HZ = 200
 PERIOD_NS = 1_000_000_000 // RATE_HZ
@@ -34,6 +34,14 @@ def _check(result):
     if result != 0:
         number = ctypes.get_errno()
         raise OSError(number, os.strerror(number))
+
+
+def prefer():
+    """Puts this process before others, if it may, so that load does not hold up truth."""
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))
+    except PermissionError:
+        pass
 
 
 class Namespace:
@@ -58,12 +66,13 @@ class Namespace:
     def __exit__(self, *_):
         _check(_libc.setns(self._home, CLONE_NEWNET))
 
-    def _enter_to_die(self):
-        _libc.prctl(1, 9)  # PR_SET_PDEATHSIG, SIGKILL: no process outlives this one
-        self.enter()
-
-    def popen(self, words, **others):
-        return subprocess.Popen(words, preexec_fn=self._enter_to_die, **others)
+    def popen(self, words, prefers=False, **others):
+        def begin():
+            _libc.prctl(PR_SET_PDEATHSIG, signal.SIGKILL)  # no process outlives this one
+            self.enter()
+            if prefers:
+                prefer()
+        return subprocess.Popen(words, preexec_fn=begin, **others)
 
     def ip(self, *commands):
         """Executes commands of ip(8)."""
@@ -73,20 +82,18 @@ class Namespace:
             raise Missing(f"ip: {done.stderr.strip()}")
 
 
-class Relay(threading.Thread):
-    """Passes the truth that reaches each host on to its port of truth on loopback, each datagram after a delay of its own.
+class Relay:
+    """A process that passes the truth that reaches each host on to its port of truth on loopback, each datagram after a delay of its own.
 
     Number i delays by 0.2 ms + i * 0.3 ms, and up to 0.7 ms more at random.
     """
 
     def __init__(self, hosts):
-        super().__init__(daemon=True)
-        self._random = random.Random(31)
         self._inputs, self._outputs = {}, []  # by descriptor: host and socket; by host
         for number, host in enumerate(hosts):
             with host:
                 receiver = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-                receiver.setsockopt(socket.SOL_SOCKET, 33, 1 << 22)  # SO_RCVBUFFORCE: a thread that waits long loses nothing
+                receiver.setsockopt(socket.SOL_SOCKET, 33, 1 << 22)  # SO_RCVBUFFORCE: one that waits long loses nothing
                 receiver.bind((GROUP, PORT))
                 index = socket.if_nametoindex("eth0")
                 receiver.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP,
@@ -95,20 +102,29 @@ class Relay(threading.Thread):
             receiver.setblocking(False)
             self._inputs[receiver.fileno()] = (number, receiver)
             self._outputs.append(sender)
-        self._ended = False
+        self._process = os.fork()
+        if self._process == 0:
+            try:
+                _libc.prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+                prefer()
+                self._run()
+            finally:
+                os._exit(1)
+        for one in [receiver for _, receiver in self._inputs.values()] + self._outputs:
+            one.close()
 
-    def run(self):
+    def _run(self):
+        delays = random.Random(31)
         poll = select.poll()
         for descriptor in self._inputs:
             poll.register(descriptor, select.POLLIN)
         held = []  # due, number of the datagram, host, bytes
         count = 0
-        while not self._ended:
-            wait = held[0][0] - time.monotonic() if held else 0.1
-            for descriptor, _ in poll.poll(max(0, 1e3 * wait)):
+        while True:
+            for descriptor, _ in poll.poll(max(0, 1e3 * (held[0][0] - time.monotonic())) if held else None):
                 host, receiver = self._inputs[descriptor]
                 count += 1
-                delay = 2e-4 + 3e-4 * host + self._random.uniform(0, 7e-4)
+                delay = 2e-4 + 3e-4 * host + delays.uniform(0, 7e-4)
                 heapq.heappush(held, (time.monotonic() + delay, count, host, receiver.recv(2048)))
             while held and held[0][0] <= time.monotonic():
                 _, _, host, datagram = heapq.heappop(held)
@@ -118,10 +134,8 @@ class Relay(threading.Thread):
                     pass
 
     def end(self):
-        self._ended = True
-        self.join()
-        for one in [receiver for _, receiver in self._inputs.values()] + self._outputs:
-            one.close()
+        os.kill(self._process, signal.SIGKILL)
+        os.waitpid(self._process, 0)
 
 
 CONFIGURATION = """seed = 1
@@ -161,14 +175,13 @@ class Rack:
                              f"link set veth{number} master bridge up")))
         for number, host in enumerate(self.hosts):
             host.ip("link set lo up", f"address add 10.77.0.{number + 2}/24 dev eth0", "link set eth0 up")
-        self.relay = Relay(self.hosts)
-        self.relay.start()
+        self._relay = Relay(self.hosts)
 
     def end(self):
         for process in self._processes:
             process.kill()
             process.wait()
-        self.relay.end()
+        self._relay.end()
 
     def file(self, number, kind):
         return self.folder / f"host{number}.{kind}"
@@ -193,7 +206,7 @@ class Rack:
 
     def source(self, **options):
         """Starts a simulator, which multicasts truth at 200 Hz: a turntable whose rate varies. `options`: of RealtimeClient."""
-        source = self._network.popen([sys.executable, "-B", "-c", SOURCE, self._tools, GROUP, str(PORT), repr(options)])
+        source = self._network.popen([sys.executable, "-B", "-c", SOURCE, self._tools, GROUP, str(PORT), repr(options)], prefers=True)
         self._processes.append(source)
         return source
 
