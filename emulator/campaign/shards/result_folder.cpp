@@ -27,16 +27,16 @@ using Json = nlohmann::ordered_json;
 std::string text_of(const CampaignDescription& campaign, const std::filesystem::path& folder) {
   std::error_code error;
   const std::filesystem::path from_folder = std::filesystem::relative(campaign.plan, folder, error);
-  return Json({{"campaign", 1},
+  Json json = {{"campaign", 1},
                {"plan", campaign.plan},
                {"plan_from_folder", error ? std::string() : from_folder.string()},
                {"plan_sha256", campaign.plan_sha256},
                {"cases", campaign.cases},
                {"batch", campaign.batch},
                {"version", campaign.version},
-               {"build", campaign.build}})
-             .dump(1, ' ', false, Json::error_handler_t::replace) +
-         "\n";
+               {"build", campaign.build}};
+  if (!campaign.until.empty()) json["until"] = campaign.until;
+  return json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n";
 }
 
 // Nobody can ask another host whether a process runs: its file counts for a day.
@@ -154,7 +154,8 @@ void ResultFolder::read_description() {
                  json.at("batch"),
                  json.at("version"),
                  json.value("build", ""),
-                 json.value("plan_from_folder", "")};
+                 json.value("plan_from_folder", ""),
+                 json.value("until", "")};
   } catch (const nlohmann::json::exception&) {
     throw OpenError(fmt::format("{}: is damaged; give another folder", file.string()));
   }

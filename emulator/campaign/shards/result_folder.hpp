@@ -24,6 +24,7 @@ struct CampaignDescription {
   std::string version;                // of imud
   std::string build = {};             // of imud; empty in a folder of an imud that did not store it
   std::string plan_from_folder = {};  // the plan's path relative to the folder; empty if there is none
+  std::string until = {};             // the text of a StopRule; empty: all cases are run
 
   // Returns the shard that has a case.
   CaseRange shard_of(std::uint64_t index) const noexcept;

@@ -2,11 +2,13 @@
 
 #include <cmath>
 
+#include "core/numbers/random.hpp"
+
 namespace imud {
 
-Interval wilson_interval(std::uint64_t passes, std::uint64_t runs) noexcept {
+Interval wilson_interval(std::uint64_t passes, std::uint64_t runs, double confidence) noexcept {
   if (runs == 0) return {};
-  constexpr double z = 1.959963984540054;  // the normal distribution has 97.5 % below it
+  const double z = inverse_normal_cdf((1 + confidence) / 2);
   const auto k = static_cast<double>(passes), n = static_cast<double>(runs);
   const double center = (k + z * z / 2) / (n + z * z);
   const double half = z / (n + z * z) * std::sqrt(k * (n - k) / n + z * z / 4);
