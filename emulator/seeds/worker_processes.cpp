@@ -132,6 +132,8 @@ class Workers {
     }
     return any;
   }
+  // Begins no further item.
+  void begin_no_more() noexcept { items_.end(); }
   const std::string& failure() const noexcept { return failure_; }
 
  private:
@@ -229,7 +231,10 @@ const std::atomic<bool>& workers_stop() noexcept { return stop; }
 bool run_workers(const WorkerProcesses& processes, std::size_t items) {
   catch_workers_stop();
   Workers workers(processes, items);
-  while (workers.serve()) processes.tick();
+  while (workers.serve()) {
+    processes.tick();
+    if (processes.is_enough()) workers.begin_no_more();
+  }
   if (!workers.failure().empty()) throw std::runtime_error(workers.failure());
   return !stop;
 }

@@ -16,15 +16,17 @@ struct WorkerProcesses {
   std::function<void(std::size_t item, std::string text)> take;
   // Called about five times a second in the calling process.
   std::function<void()> tick = [] {};
+  // If it returns true, the remaining items are not needed: no further one begins. Asked after each tick.
+  std::function<bool()> is_enough = [] { return false; };
   // If set, the death of a worker costs its open item alone, which another worker does again. An item at which two
   // workers have died is lost: this is called with the cause. Then `take` may receive an item twice, or an item that
   // is lost. Empty: a death ends all workers.
   std::function<void(std::size_t item, const std::string& cause)> lose = nullptr;
 };
 
-// Does the items 0 to `items` - 1, each once. Call it while the process has one thread. SIGINT and SIGTERM end the
-// items at work, and no further one begins: returns false then. Throws std::runtime_error with the cause if an item
-// or a worker has failed.
+// Does the items 0 to `items` - 1, each once, as long as they are needed. Call it while the process has one thread.
+// SIGINT and SIGTERM end the items at work, and no further one begins: returns false then. Throws std::runtime_error
+// with the cause if an item or a worker has failed.
 bool run_workers(const WorkerProcesses& workers, std::size_t items);
 
 // From now on SIGINT and SIGTERM set workers_stop(), which is false at first. run_workers() calls it.
