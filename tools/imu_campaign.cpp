@@ -44,10 +44,10 @@ int end(const CampaignRows& rows, std::uint64_t not_run) {
   if (faults.size() > most_lines)
     fmt::print(stderr, "imu-campaign: and {} more of these\n", faults.size() - most_lines);
   if (not_run > 0) fmt::print(stderr, "imu-campaign: {} cases could not be run, as their errors state\n", not_run);
-  const std::uint64_t missing = rows.campaign().cases - rows.found() + not_run;
+  const std::uint64_t missing = rows.cases() - rows.found() + not_run;
   if (missing == 0 && faults.empty()) return 0;
-  fmt::print(stderr, "imu-campaign: {} of {} cases are complete; to run the others: {}\n",
-             rows.campaign().cases - missing, rows.campaign().cases, rows.resume_command());
+  fmt::print(stderr, "imu-campaign: {} of {} cases are complete; to run the others: {}\n", rows.cases() - missing,
+             rows.cases(), rows.resume_command());
   return incomplete;
 }
 
@@ -62,6 +62,7 @@ int collect(const Options& options, CampaignRows& rows, bool& running) {
   running = true;
   const CollectedCases collected = collect_cases(rows, tables);
   fmt::print(stderr, "imu-campaign: {} rows of {} columns\n", rows.found(), collected.columns);
+  if (const std::string until = rows.until(); !until.empty()) fmt::print(stderr, "imu-campaign: {}\n", until);
   return end(rows, collected.not_run);
 }
 

@@ -227,6 +227,24 @@ class TableTest(unittest.TestCase):
             self.assertIn("199 of 300 cases are complete", done.stderr)
             self.assertIn("could", done.stderr)
 
+    def test_cases_behind_the_end_do_not_count(self):
+        """A plan with `until` ends with the first shard at which the rate is known; a faster node has run others."""
+        rows = [row_of(index, exit_code=3 if index == 7 or index >= 200 else 0, expect={"settles": index != 7}) for index in range(300)]
+        with Folder() as folder:
+            write_all(folder.path / "short", rows[:200], 50)
+            write_all(folder.path / "long", rows, 50)
+            expected = folder.collect("short")
+            for until in ("cases pass rate within 1.5 % at 95 %", "settles pass rate within 1.5 % at 95 %"):
+                write_campaign(folder.path / "long", 400, 50, until=until)  # the last 100 were not run at all
+                self.assertEqual(folder.collect("long"), expected)
+                report = json.loads(folder.run("report", "long", "--json", "-").stdout)
+                self.assertEqual((report["cases"], report["found"], report["failed"]), (200, 200, 1))
+                self.assertIn(f"{until}: reached after 200 of 400 cases: 199 of 200 passed, 97.22 to 99.91 %",
+                              folder.run("report", "long").stdout)
+            # A shard before the end is missing: nobody knows where it is.
+            (folder.path / "long/shards/000000050-000000099.jsonl").unlink()
+            self.assertIn("not yet reached after 50 of 400", folder.run("report", "long", expected=3).stdout)
+
     def test_an_old_table_stays_until_the_new_one_is_whole(self):
         with Folder() as folder:
             begin = '"seed":1,"exit_code":0,"ended_by":"end_of_capture","digest":{},"figures":'  # a good result

@@ -38,11 +38,11 @@ def write_shard(folder, rows):
     return path
 
 
-def write_campaign(folder, cases, batch):
+def write_campaign(folder, cases, batch, **members):
     folder = pathlib.Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "campaign.json").write_text(dump({"plan": "/plans/plan.toml", "campaign": 1, "plan_sha256": PLAN, "cases": cases, "batch": batch,
-                                                      "version": VERSION, "build": BUILD}))
+                                                      "version": VERSION, "build": BUILD} | members))
 
 
 def write_all(folder, rows, batch):

@@ -166,9 +166,9 @@ std::vector<std::size_t> order_of(const CaseStatistics::Axis& axis) {
 }
 
 std::string campaign_text(const CaseStatistics& statistics, const CampaignRows& rows, const ReportChoice& choice) {
-  std::string text =
-      fmt::format("campaign   {} of {} cases; imud {}, plan {}\n", statistics.cases(), rows.campaign().cases,
-                  rows.campaign().version, rows.campaign().plan_sha256.substr(0, 12));
+  std::string text = fmt::format("campaign   {} of {} cases; imud {}, plan {}\n", statistics.cases(), rows.cases(),
+                                 rows.campaign().version, rows.campaign().plan_sha256.substr(0, 12));
+  if (const std::string until = rows.until(); !until.empty()) text += fmt::format("until      {}\n", until);
   text += fmt::format("exit code  {}\nended by   {}\n", counts_text(statistics.exit_codes()),
                       counts_text(statistics.ends()));
   const Interval failed = wilson_interval(statistics.failures(), statistics.cases());
@@ -210,7 +210,8 @@ std::string campaign_text(const CaseStatistics& statistics, const CampaignRows& 
 }
 
 std::string campaign_json(const CaseStatistics& statistics, const CampaignRows& rows, const ReportChoice& choice) {
-  nlohmann::ordered_json json = {{"cases", rows.campaign().cases},
+  nlohmann::ordered_json json = {{"cases", rows.cases()},
+                                 {"until", rows.until()},
                                  {"found", statistics.cases()},
                                  {"failed", statistics.failures()},
                                  {"not_run", statistics.not_run()},

@@ -20,7 +20,8 @@ void CampaignRows::read(const Take& take, const std::function<void(double)>& pro
     std::optional<Shard> shard;
     std::string fault;
   };
-  const std::vector<CaseRange> shards = folder_.list().shards;
+  std::vector<CaseRange> shards = folder_.list().shards;
+  std::erase_if(shards, [this](const CaseRange& shard) { return shard.first >= cases(); });
   const auto begin_to_read = [&](std::size_t number) {
     return std::async(std::launch::async, [this, cases = shards[number]] {
       Result result;
@@ -44,7 +45,7 @@ void CampaignRows::read(const Take& take, const std::function<void(double)>& pro
     for (std::uint64_t k = 0; k < cases.size(); ++k) take(result.shard->rows[k], cases.first + k);
     found_ += cases.size();
   }
-  note_missing(next, folder_.campaign().cases);
+  note_missing(next, cases());
 }
 
 }  // namespace imud

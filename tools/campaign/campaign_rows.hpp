@@ -8,18 +8,23 @@
 #include <vector>
 
 #include "emulator/campaign/shards/result_folder.hpp"
+#include "emulator/campaign/shards/sequential_stop.hpp"
 
 namespace imud {
 
 class CampaignRows {
  public:
   // Throws OpenError if the folder has no campaign.
-  explicit CampaignRows(const std::string& path) : folder_(path) {}
+  explicit CampaignRows(const std::string& path) : folder_(path) { stop_.look(); }
 
   const CampaignDescription& campaign() const noexcept { return folder_.campaign(); }
 
-  // Calls `take` with each row of the whole shards, in the order of the cases. The next shard is read meanwhile, by
-  // another thread. `progress` receives the share that is done, from 0 to 1.
+  // Returns how many cases the campaign needs, and how its key `until` has ended it; "" if the plan has none.
+  std::uint64_t cases() const noexcept { return stop_.cases(); }
+  std::string until() const { return stop_.text(); }
+
+  // Calls `take` with each row of the whole shards that the campaign needs, in the order of the cases. The next shard
+  // is read meanwhile, by another thread. `progress` receives the share that is done, from 0 to 1.
   using Take = std::function<void(std::string_view row, std::uint64_t index)>;
   void read(const Take& take, const std::function<void(double)>& progress);
 
@@ -36,6 +41,7 @@ class CampaignRows {
   void note_missing(std::uint64_t first, std::uint64_t end);
 
   ResultFolder folder_;
+  SequentialStop stop_{folder_};
   std::uint64_t found_ = 0;
   std::vector<std::string> faults_;
 };
