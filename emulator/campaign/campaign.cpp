@@ -2,9 +2,11 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <stdexcept>
 
 #include "emulator/campaign/axes.hpp"
+#include "emulator/campaign/shards/stop_rule.hpp"
 #include "emulator/truth/capture_check.hpp"
 
 namespace imud {
@@ -62,7 +64,13 @@ Config load_case(const Campaign& campaign, const CampaignCase& c) {
   std::vector<std::string> overrides = c.overrides;
   overrides.push_back(fmt::format("seed=\"{}\"", c.seed));
   overrides.emplace_back("clock=fast");
-  return load_replay(campaign.base, overrides, c.capture, c.scenarios).config;
+  Config config = load_replay(campaign.base, overrides, c.capture, c.scenarios).config;
+  const auto until = StopRule::parse(campaign.until);
+  if (until && until->name != StopRule::all_cases &&
+      std::ranges::find(config.expectations, until->name, &ExpectConfig::name) == config.expectations.end())
+    throw ConfigError({fmt::format("{}: until: there is no expectation {}; give the name of an [[expect]], or cases",
+                                   campaign.file, until->name)});
+  return config;
 }
 
 Config config_of(const Campaign& campaign, const CampaignCase& c) {

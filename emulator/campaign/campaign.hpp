@@ -52,6 +52,7 @@ struct Campaign {
   std::optional<CampaignDraws> draws;
   SeedRange seeds;
   std::uint64_t batch = 0;         // cases of a shard; 0: `campaign run` chooses
+  std::string until;               // the text of a StopRule; empty: all cases are run
   bool integrated_errors = false;  // rows have the errors of each imu, integrated over the run
   std::optional<CampaignTest> test;
   CampaignSlurm slurm;

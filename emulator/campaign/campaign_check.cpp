@@ -103,6 +103,7 @@ void print_axes(const Campaign& campaign) {
     fmt::print("{:<8} {}, {}, seed {}: {}\n", "draws", plan.count, word_of(draw_method_words, plan.method), plan.seed,
                fmt::join(keys, ", "));
   }
+  if (!campaign.until.empty()) fmt::print("{:<8} {}; else all cases\n", "until", campaign.until);
   fmt::print("{:<8} {}..{}\n", "seeds", campaign.seeds.first, campaign.seeds.last);
 }
 

@@ -23,6 +23,7 @@
 #include "emulator/campaign/case_runner.hpp"
 #include "emulator/campaign/cases/case_figures.hpp"
 #include "emulator/campaign/missing_cases.hpp"
+#include "emulator/campaign/shards/sequential_stop.hpp"
 #include "emulator/config/config_text.hpp"
 #include "emulator/ground/progress_line.hpp"
 #include "emulator/ground/text_file.hpp"
@@ -40,7 +41,8 @@ std::string text_of_plan(const std::string& path) {
 }
 
 CampaignDescription description_of(const Campaign& campaign) {
-  return {campaign.file, campaign.sha256, campaign.cases(), batch_of(campaign), IMUD_VERSION, campaign.build};
+  return {campaign.file, campaign.sha256, campaign.cases(), batch_of(campaign), IMUD_VERSION, campaign.build, "",
+          campaign.until};
 }
 
 // Returns about how many bytes a row has.
@@ -206,7 +208,15 @@ int run_missing(const ResultFolder& folder, const Campaign& campaign, CaseRunner
   std::signal(SIGPIPE, SIG_IGN);
   std::signal(SIGXFSZ, SIG_IGN);  // a limit of the files' size is an error of the write, as a full disk is
   const HostTime begin = host_now();
-  const CaseRange all = options.cases.value_or(CaseRange{0, folder.campaign().cases - 1});
+  const CaseRange given = options.cases.value_or(CaseRange{0, folder.campaign().cases - 1});
+  SequentialStop stop(folder);
+  stop.look();
+  const auto needed = stop.needed(given);
+  if (!needed) {
+    TextFile("-").write(fmt::format("until    {}\n", stop.text()));
+    return 0;
+  }
+  const CaseRange all = *needed;
   if (!options.cases)
     if (const std::size_t removed = folder.remove_left_behind(); removed > 0)
       spdlog::info("{} temporary files of ended processes are removed", removed);
@@ -244,25 +254,40 @@ int run_missing(const ResultFolder& folder, const Campaign& campaign, CaseRunner
     std::optional<CaseRunner::Result> result = runner.run(missing.case_of(item), workers_stop(), {});
     return result ? std::move(result->row) : std::string(was_stopped);
   };
-  const bool is_whole = run_workers({.jobs = jobs,
-                                     .work = work,
-                                     .take =
-                                         [&](std::size_t item, std::string text) {
-                                           if (text == left_to_others)
-                                             leave(item);
-                                           else if (text != was_stopped && !shards.has(item))
-                                             take(item, std::move(text));
-                                         },
-                                     .tick = [&] { progress.show(shards.done(), missing.items(), "cases"); },
-                                     .lose =
-                                         [&](std::size_t item, const std::string& cause) {
-                                           if (!shards.has(item))
-                                             take(item, runner.row_of_failure(missing.case_of(item), cause));
-                                         }},
-                                    missing.items()) &&
-                        shards.are_all_done();
+  HostTime last_look = begin;
+  const auto is_enough = [&, written = shards.written()]() mutable {
+    constexpr double rarely_s = 2;  // other processes write shards, too
+    if (shards.written() == written && seconds(host_now() - last_look) < rarely_s) return stop.has_ended();
+    written = shards.written();
+    last_look = host_now();
+    return stop.look();
+  };
+  const bool is_done = run_workers({.jobs = jobs,
+                                    .work = work,
+                                    .take =
+                                        [&](std::size_t item, std::string text) {
+                                          if (text == left_to_others)
+                                            leave(item);
+                                          else if (text != was_stopped && !shards.has(item))
+                                            take(item, std::move(text));
+                                        },
+                                    .tick = [&] { progress.show(shards.done(), missing.items(), "cases"); },
+                                    .is_enough = is_enough,
+                                    .lose =
+                                        [&](std::size_t item, const std::string& cause) {
+                                          if (!shards.has(item))
+                                            take(item, runner.row_of_failure(missing.case_of(item), cause));
+                                        }},
+                                   missing.items()) &&
+                       shards.are_all_done();
   progress.clear();
-  if (!is_whole) {
+  if (stop.look()) {  // the cases behind the end do not count
+    failed = 0;
+    const auto counted = stop.needed(given);
+    const MissingCases::Kept kept = counted ? MissingCases(folder, *counted, campaign).kept() : MissingCases::Kept();
+    incomplete = kept.incomplete;
+    exit_code = kept.exit_code;
+  } else if (!is_done) {
     spdlog::error(
         "incomplete: it was ended after {} of {} cases; {} further ones are lost with their shards; imud campaign "
         "resume {} does the others",
@@ -274,6 +299,7 @@ int run_missing(const ResultFolder& folder, const Campaign& campaign, CaseRunner
       fmt::format("ran      {:.3f} s, {} cases, {} shards\ncases    {} could not be run, {} incomplete or with "
                   "failed expectations\n",
                   duration_s, shards.stored(), shards.written(), failed, incomplete));
+  if (const std::string text = stop.text(); !text.empty()) TextFile("-").write(fmt::format("until    {}\n", text));
   return exit_code;
 }
 

@@ -12,6 +12,7 @@
 #include "emulator/campaign/axes.hpp"
 #include "emulator/campaign/campaign.hpp"
 #include "emulator/campaign/shards/program_build.hpp"
+#include "emulator/campaign/shards/stop_rule.hpp"
 #include "emulator/config/config_text.hpp"
 
 namespace imud {
@@ -177,6 +178,26 @@ void check_size(const Campaign& campaign, Faults& faults) {
                            Campaign::most_cases));
 }
 
+// Reads `until`. Its interval is for cases that are drawn one as another: no axis may come before others, and no draw
+// may have several seeds.
+std::string read_until(TableReader& plan, const Campaign& campaign) {
+  std::string text = plan.text("until", "");
+  if (text.empty()) return text;
+  if (!StopRule::parse(text))
+    plan.fault("until",
+               "give \"cases pass rate within 1 % at 95 %\", or the name of an expectation in place of cases; the "
+               "half width is below 50 %");
+  for (const CampaignAxis& axis : campaign.axes)
+    if (axis.values.size() > 1)
+      plan.fault("until",
+                 fmt::format("the first cases have the first value of {} alone, which says nothing about the others; "
+                             "give one value, and a plan for each other, or [draws]",
+                             axis.name));
+  if (campaign.draws && campaign.draws->plan.count > 1 && campaign.seeds.size() > 1)
+    plan.fault("until", "cases with the same draw are not independent; give as many draws as cases, and one seed");
+  return text;
+}
+
 CampaignTest read_test(TableReader table) {
   CampaignTest test;
   require(table, "command", "the command that is started for each case, such as \"./estimator {port}\"");
@@ -228,6 +249,7 @@ Campaign read_campaign(const std::string& path) {
   campaign.draws = read_draws(plan.child("draws"), text.root.get("draws"), faults);
   if (plan.has("test")) campaign.test = read_test(plan.child("test"));
   campaign.slurm = read_slurm(plan.child("slurm"));
+  campaign.until = read_until(plan, campaign);
   const bool varies_capture = std::ranges::any_of(campaign.axes, [](const CampaignAxis& axis) {
     return std::ranges::all_of(axis.values, [](const auto& value) { return !value.capture.empty(); });
   });

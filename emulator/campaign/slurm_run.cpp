@@ -17,6 +17,7 @@
 #include "emulator/campaign/case_cost.hpp"
 #include "emulator/campaign/case_runner.hpp"
 #include "emulator/campaign/missing_cases.hpp"
+#include "emulator/campaign/shards/sequential_stop.hpp"
 #include "emulator/campaign/slurm/slurm_queue.hpp"
 #include "emulator/campaign/slurm/stored_tasks.hpp"
 #include "emulator/ground/progress_line.hpp"
@@ -74,7 +75,8 @@ class SlurmRun {
       : folder_(folder), campaign_(campaign), stored_(std::move(stored)), progress_(!quiet), queue_(workers_stop()) {
     const auto queued = ask_queue();  // before the shards are read: a task that ends meanwhile is not submitted again
     if (!queued) throw OpenError("Slurm does not say which tasks wait or run, so that none is submitted; try again");
-    const MissingCases missing(folder, {0, folder.campaign().cases - 1}, campaign);
+    stop_.look();
+    const MissingCases missing(folder, {0, stop_.cases() - 1}, campaign);
     exit_code_ = missing.kept().exit_code;
     incomplete_ = missing.kept().incomplete;
     std::set<std::uint64_t> tasks;
@@ -85,8 +87,8 @@ class SlurmRun {
     }
     for (const std::uint64_t task : tasks)
       to_submit_[task / stored_.tasks.tasks_per_array].insert(task % stored_.tasks.tasks_per_array);
-    if (cases_ < folder.campaign().cases)
-      spdlog::info("{} of {} cases are done already", folder.campaign().cases - cases_, folder.campaign().cases);
+    if (cases_ < stop_.cases())
+      spdlog::info("{} of {} cases are done already", stop_.cases() - cases_, stop_.cases());
     leave_what_is_queued(*queued);
   }
 
@@ -127,6 +129,7 @@ class SlurmRun {
   void submit();
   bool follow();
   void look_at_shards();
+  void end_early();
   void show_progress(const std::vector<QueuedTask>& tasks);
   int end();
 
@@ -135,6 +138,7 @@ class SlurmRun {
   const StoredTasks stored_;
   ProgressLine progress_;
   const SlurmQueue queue_;
+  SequentialStop stop_{folder_};
   const HostTime begin_ = host_now();
   std::map<std::uint64_t, Awaited> awaited_;                          // by the first case
   std::map<std::uint64_t, std::set<std::uint64_t>> to_submit_;        // numbers in the array, by the array
@@ -231,6 +235,19 @@ void SlurmRun::look_at_shards() {
     ++shards_;
     awaited_.erase(shard);
   }
+  if (stop_.look()) awaited_.erase(awaited_.lower_bound(stop_.cases()), awaited_.end());
+}
+
+// Counts the cases before the end alone, and cancels the tasks of the others.
+void SlurmRun::end_early() {
+  const MissingCases::Kept kept = MissingCases(folder_, {0, stop_.cases() - 1}, campaign_).kept();
+  exit_code_ = kept.exit_code;
+  incomplete_ = kept.incomplete;
+  failed_ = 0;
+  std::set<std::string> jobs;
+  if (const auto tasks = ask_queue())
+    for (const QueuedTask& task : *tasks) jobs.insert(task.job);
+  queue_.cancel({jobs.begin(), jobs.end()});
 }
 
 void SlurmRun::show_progress(const std::vector<QueuedTask>& tasks) {
@@ -248,6 +265,7 @@ void SlurmRun::show_progress(const std::vector<QueuedTask>& tasks) {
 int SlurmRun::end() {
   progress_.clear();
   const std::string folder = folder_.path().string();
+  if (awaited_.empty() && stop_.has_ended()) end_early();
   const int exit_code = awaited_.empty() ? exit_code_ : worse_exit_code(exit_code_, 3);
   if (awaited_.empty()) folder_.remove_left_behind();
   if (!awaited_.empty() && workers_stop()) {
@@ -272,6 +290,7 @@ int SlurmRun::end() {
       "ran      {:.3f} s, {} cases, {} shards\ncases    {} could not be run, {} incomplete or with failed "
       "expectations\n",
       seconds(host_now() - begin_), done_, shards_, failed_, incomplete_));
+  if (const std::string text = stop_.text(); !text.empty()) TextFile("-").write(fmt::format("until    {}\n", text));
   return exit_code;
 }
 
@@ -303,7 +322,9 @@ int run_on_slurm(const std::string& plan, const std::string& folder, const Slurm
   const SlurmLimits limits = queue.limits();
   CampaignCost cost = measure_cases(campaign);
   if (campaign.test) cost.case_s = std::max(cost.case_s, tested_case_s(campaign));
-  if (campaign.batch == 0) campaign.batch = batch_for_slurm(campaign.cases(), cost.case_s, batch_of(campaign));
+  // The end of a campaign with `until` is looked for after each shard, which no measured time may change.
+  if (campaign.batch == 0 && campaign.until.empty())
+    campaign.batch = batch_for_slurm(campaign.cases(), cost.case_s, batch_of(campaign));
   require_room(folder, campaign.cases(), cost.row_bytes);
   const ResultFolder results = open_result_folder(folder, campaign);
   const SlurmTasks tasks = divide_into_tasks({.cases = campaign.cases(),

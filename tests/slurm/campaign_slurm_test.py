@@ -197,6 +197,20 @@ batch = {BATCH}
         self.assertEqual({name: rows.partition(b"\n")[2].rpartition(b"\n{")[0] for name, rows in self.shards_of(self.into).items()},
                          {name: rows.partition(b"\n")[2].rpartition(b"\n{")[0] for name, rows in self.expected.items()})
 
+    def test_it_ends_when_the_pass_rate_is_known(self):
+        plan = self.work / "until.toml"
+        head = (self.work / "plan.toml").read_text().partition("[axes]")[0]
+        plan.write_text(head.replace(f"1..{CASES // 2}", "1..400") + 'until = "cases pass rate within 8 % at 95 %"\n')
+        local = self.work / "until"
+        self.check(run(IMUD, "campaign", "run", plan, "--into", local, "--jobs", "2", "--quiet"))
+        self.check(run(*self.campaign(plan)))
+        wait_for(lambda: not tasks(), "the end of tasks that are not needed")
+        status, expected = (json.loads(run(IMUD, "campaign", "status", "--json", folder).stdout) for folder in (self.into, local))
+        self.assertIn("reached after 24 of 400 cases", expected["until"])
+        self.assertEqual([status[key] for key in ("until", "cases", "cases_done", "rates")],
+                         [expected[key] for key in ("until", "cases", "cases_done", "rates")])
+        self.assertLess(len(self.shards()), 100)
+
     def test_two_at_the_same_time_with_one_folder(self):
         programs = [self.start(self.campaign()) for _ in range(2)]
         for program in programs:

@@ -104,6 +104,12 @@ std::string SlurmQueue::submit(const SlurmArray& array) const {
   return boost::trim_copy(result.output.substr(0, result.output.find(';')));  // "ID" or "ID;CLUSTER"
 }
 
+void SlurmQueue::cancel(const std::vector<std::string>& jobs) const {
+  std::vector<std::string> words = {"scancel", "--quiet"};
+  words.insert(words.end(), jobs.begin(), jobs.end());
+  if (!jobs.empty()) run_command(words, stop_);
+}
+
 std::optional<std::vector<QueuedTask>> SlurmQueue::tasks(const std::vector<std::string>& names,
                                                          std::string& fault) const {
   const CommandOutput result = run_command(

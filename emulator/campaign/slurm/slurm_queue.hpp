@@ -57,6 +57,8 @@ class SlurmQueue {
   std::uint64_t processors(const std::string& partition) const;
   // Returns the identifier of the job. Throws OpenError with the words of sbatch.
   std::string submit(const SlurmArray& array) const;
+  // Cancels the tasks of jobs that wait or run, as far as Slurm lets this user.
+  void cancel(const std::vector<std::string>& jobs) const;
   // Returns the tasks of all users' jobs of these names; nullopt, with the words of squeue in `fault`, if it fails.
   std::optional<std::vector<QueuedTask>> tasks(const std::vector<std::string>& names, std::string& fault) const;
 

@@ -42,6 +42,8 @@ bool CampaignStatus::update(double limit_s) {
   ResultFolder::Listing listing = folder_.list();
   running_.clear();
   for (auto& [file, cases] : listing.temporaries) running_.push_back(std::move(file));
+  if (stop_.look())  // the shards behind the end do not count
+    std::erase_if(listing.shards, [this](const CaseRange& cases) { return cases.first >= stop_.cases(); });
   present_ = listing.shards.size();
   const auto time_of = [this](const CaseRange& cases) {
     std::error_code error;
@@ -68,7 +70,7 @@ bool CampaignStatus::update(double limit_s) {
 }
 
 bool CampaignStatus::is_good() const noexcept {
-  return counts_.done == folder_.campaign().cases && counts_.expectations_failed == 0 && counts_.incomplete == 0;
+  return counts_.done == stop_.cases() && counts_.expectations_failed == 0 && counts_.incomplete == 0;
 }
 
 std::uint64_t CampaignStatus::whole() const noexcept {
@@ -100,7 +102,7 @@ std::optional<double> CampaignStatus::cases_per_s() const {
 }
 
 std::optional<double> CampaignStatus::left_s() const {
-  const std::uint64_t missing = folder_.campaign().cases - counts_.done;
+  const std::uint64_t missing = stop_.cases() - counts_.done;
   const std::optional<double> rate = cases_per_s();
   if (running_.empty() || missing == 0 || !rate) return std::nullopt;
   return static_cast<double>(missing) / *rate;
@@ -116,13 +118,14 @@ nlohmann::ordered_json CampaignStatus::json() const {
                {"build", campaign.build},
                {"is_of_this_imud", difference.empty()},
                {"difference_of_imud", difference},
-               {"cases", campaign.cases},
+               {"cases", stop_.cases()},
+               {"until", stop_.text()},
                {"cases_done", counts_.done},
                {"failed", counts_.could_not_be_run},
                {"expectations_failed", counts_.expectations_failed},
                {"incomplete", counts_.incomplete},
                {"batch", campaign.batch},
-               {"shards", campaign.shards()},
+               {"shards", shards()},
                {"shards_whole", whole()},
                {"shards_present", present_},
                {"shards_read", seen_.size()},
@@ -165,10 +168,11 @@ std::string CampaignStatus::text() const {
   std::string text = fmt::format(
       "plan     {}\nshards   {} of {} whole\ncases    {} of {} done; {} could not be run, {} with failed "
       "expectations, {} otherwise incomplete\n",
-      campaign.plan, whole(), campaign.shards(), counts_.done, campaign.cases, counts_.could_not_be_run,
+      campaign.plan, whole(), shards(), counts_.done, stop_.cases(), counts_.could_not_be_run,
       counts_.expectations_failed, counts_.incomplete);
   for (std::size_t i = 0; i < counts_.names().size() && counts_.done > 0; ++i)
     text += fmt::format("passed   {}: {}\n", counts_.names()[i], text_of(counts_.rates()[i]));
+  if (const std::string until = stop_.text(); !until.empty()) text += fmt::format("until    {}\n", until);
   if (const std::string difference = difference_of_this_imud(campaign); !difference.empty())
     text += fmt::format("build    {}: go on with that imud, or run the plan into another folder\n", difference);
   for (const std::string& one : damaged()) text += fmt::format("damaged  {}\n", one);

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "emulator/campaign/shards/result_folder.hpp"
+#include "emulator/campaign/shards/sequential_stop.hpp"
 #include "emulator/campaign/status/case_counts.hpp"
 
 namespace imud {
@@ -40,8 +41,14 @@ class CampaignStatus {
   std::optional<double> left_s() const;
   std::vector<std::string> damaged() const;
   std::uint64_t whole() const noexcept;
+  // Returns how many shards the campaign needs.
+  std::uint64_t shards() const noexcept {
+    const std::uint64_t batch = folder_.campaign().batch;
+    return (stop_.cases() + batch - 1) / batch;
+  }
 
   const ResultFolder folder_;
+  SequentialStop stop_{folder_};
   CaseCounts counts_;
   std::map<std::uint64_t, SeenShard> seen_;  // by the first case
   std::size_t present_ = 0;                  // shards in the folder
