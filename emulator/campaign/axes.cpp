@@ -15,7 +15,7 @@
 #include <utility>
 
 #include "core/numbers/elementary.hpp"
-#include "emulator/campaign/distribution.hpp"
+#include "emulator/campaign/cases/distribution.hpp"
 
 namespace imud {
 namespace {

@@ -7,7 +7,7 @@
 #include <utility>
 #include <vector>
 
-#include "emulator/campaign/draws.hpp"
+#include "emulator/campaign/cases/draws.hpp"
 #include "emulator/plan/config.hpp"
 #include "emulator/seeds/seeds.hpp"
 

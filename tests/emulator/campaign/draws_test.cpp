@@ -1,5 +1,5 @@
 // The draws of campaigns: their laws, the Latin hypercube, and that each is a pure function.
-#include "emulator/campaign/draws.hpp"
+#include "emulator/campaign/cases/draws.hpp"
 
 #include <gtest/gtest.h>
 #include <toml++/toml.h>

@@ -1,4 +1,4 @@
-#include "emulator/campaign/draws.hpp"
+#include "emulator/campaign/cases/draws.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>

@@ -1,4 +1,4 @@
-#include "emulator/campaign/distribution.hpp"
+#include "emulator/campaign/cases/distribution.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>

@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "emulator/campaign/distribution.hpp"
+#include "emulator/campaign/cases/distribution.hpp"
 
 namespace imud {
 
