@@ -60,6 +60,20 @@ std::vector<std::pair<std::string, std::string>> columns_of(const Campaign& camp
   return columns;
 }
 
+Campaign with_axis_value(const Campaign& campaign, std::uint64_t index, const std::string& axis,
+                         const std::string& text) {
+  const auto found = std::ranges::find(campaign.axes, axis, &CampaignAxis::name);
+  if (found == campaign.axes.end()) throw OpenError(fmt::format("--axis {}: the plan has no such axis", axis));
+  const auto number = static_cast<std::size_t>(found - campaign.axes.begin());
+  Campaign other = campaign;
+  CampaignAxis::Value& value = other.axes[number].values[case_of(campaign, index).at[number]];
+  if (value.overrides.size() != 1 || !value.overrides.front().starts_with(axis + "="))
+    throw OpenError(fmt::format("--axis {}: give an axis that has the name of a key", axis));
+  value.text = text;
+  value.overrides = {override_of(axis, text)};
+  return other;
+}
+
 Config load_case(const Campaign& campaign, const CampaignCase& c) {
   std::vector<std::string> overrides = c.overrides;
   overrides.push_back(fmt::format("seed=\"{}\"", c.seed));

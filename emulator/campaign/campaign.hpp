@@ -85,6 +85,11 @@ CampaignCase case_of(const Campaign& campaign, std::uint64_t index);
 // same names.
 std::vector<std::pair<std::string, std::string>> columns_of(const Campaign& campaign, const CampaignCase& c);
 
+// Returns the campaign with another value of an axis in place of the one that a case has. `text`: as in a table.
+// Throws OpenError if there is no axis of that name, or it does not set one key.
+Campaign with_axis_value(const Campaign& campaign, std::uint64_t index, const std::string& axis,
+                         const std::string& text);
+
 // Loads the configuration of a case for a replay by the clock `fast`. Throws ConfigError, whose faults name the case.
 Config config_of(const Campaign& campaign, const CampaignCase& c);
 // The same, but the faults do not name the case.

@@ -45,7 +45,29 @@ CampaignCommands::CampaignCommands(CLI::App& app, bool is_given) {
   check->add_option("PLAN", plan_, "Plan of the campaign, TOML")->required();
   check_ = check;
   add_run(*campaign);
+  add_bisect(*campaign);
   add_tools(*campaign);
+}
+
+void CampaignCommands::add_bisect(CLI::App& campaign) {
+  CLI::App* bisect =
+      campaign.add_subcommand("bisect", "Find the values of an axis between which a case begins to fail, or to pass");
+  bisect->add_option("PLAN", plan_, "Plan of the campaign, or folder of the results")->required();
+  bisect->add_option("--axis", bisect_options_.axis, "Axis of numbers, by its name in the plan")
+      ->type_name("KEY")
+      ->required();
+  bisect->add_option("--case", bisect_options_.index, "Beside the other values of this case alone (each combination)")
+      ->type_name("CASE");
+  bisect
+      ->add_option("--tolerance", bisect_options_.tolerance,
+                   "Distance to come down to, in the unit of the axis (a thousandth of the plan's values' distance)")
+      ->type_name("X")
+      ->check(CLI::PositiveNumber);
+  bisect->add_option("--jobs", bisect_options_.jobs, "Processes (the processors)")
+      ->type_name("N")
+      ->check(CLI::Range(1, 1024));
+  bisect->footer("Example: imud campaign bisect plan.toml --axis imu.imu1.gyro.bias_rad_per_s --case 0");
+  bisect_ = bisect;
 }
 
 void CampaignCommands::add_tools(CLI::App& campaign) {
@@ -119,6 +141,11 @@ void CampaignCommands::add_run(CLI::App& campaign) {
   });
   repeat->add_option("--record", record_, "Also record the run as pcapng, which Wireshark opens and replay repeats")
       ->type_name("FILE");
+  repeat
+      ->add_option("--axis", values_,
+                   "Another value of an axis than the case has, as bisect prints it; may be repeated")
+      ->type_name("KEY=VALUE")
+      ->allow_extra_args(false);
   repeat_ = repeat;
 }
 
@@ -144,7 +171,8 @@ std::optional<int> CampaignCommands::execute() const {
     return is_for_slurm() ? resume_on_slurm(folder_, slurm) : resume_campaign(folder_, run_options_);
   if (status_->parsed() && !web_.listen.empty()) return serve_campaign(folder_, web_);
   if (status_->parsed()) return campaign_status(folder_, json_);
-  if (repeat_->parsed()) return repeat_case(plan_, case_, record_);
+  if (repeat_->parsed()) return repeat_case(plan_, case_, record_, values_);
+  if (bisect_->parsed()) return bisect_campaign(plan_, bisect_options_);
   for (const CLI::App* tool : tools_)
     if (tool->parsed()) become_tool(tool->get_name(), tool->remaining());
   return std::nullopt;

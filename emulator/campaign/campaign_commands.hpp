@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "emulator/campaign/campaign_bisect.hpp"
 #include "emulator/campaign/campaign_run.hpp"
 #include "emulator/campaign/slurm_run.hpp"
 #include "emulator/plan/web_config.hpp"
@@ -29,16 +30,20 @@ class CampaignCommands {
   void add_run(CLI::App& campaign);
   // Returns true if the cases run on Slurm. Throws OpenError if options do not suit the engine.
   bool is_for_slurm() const;
+  void add_bisect(CLI::App& campaign);
   void add_tools(CLI::App& campaign);
 
   std::string plan_, folder_, record_;
   std::string engine_;  // "local" or "slurm"; empty: by the folder
   std::uint64_t case_ = 0;
   bool json_ = false;
-  WebConfig web_;  // of the page of `status`
+  WebConfig web_;                    // of the page of `status`
+  std::vector<std::string> values_;  // of `repeat`
+  CampaignBisectOptions bisect_options_;
   CampaignRunOptions run_options_;
   SlurmRunOptions slurm_options_;
-  const CLI::App *check_ = nullptr, *run_ = nullptr, *resume_ = nullptr, *status_ = nullptr, *repeat_ = nullptr;
+  const CLI::App *check_ = nullptr, *run_ = nullptr, *resume_ = nullptr, *status_ = nullptr, *repeat_ = nullptr,
+                 *bisect_ = nullptr;
   std::vector<const CLI::App*> tools_;
 };
 

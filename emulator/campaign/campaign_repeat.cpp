@@ -52,14 +52,21 @@ void refuse_inputs(const Config& config, const Campaign& campaign, const std::op
 
 }  // namespace
 
-int repeat_case(const std::string& plan_or_folder, std::uint64_t index, const std::string& record) {
+int repeat_case(const std::string& plan_or_folder, std::uint64_t index, const std::string& record,
+                const std::vector<std::string>& values) {
   std::optional<ResultFolder> folder;
   if (ResultFolder::is_at(plan_or_folder)) folder.emplace(plan_or_folder);
-  const Campaign campaign = folder ? campaign_of(*folder) : read_campaign(plan_or_folder);
+  Campaign campaign = folder ? campaign_of(*folder) : read_campaign(plan_or_folder);
   if (index >= campaign.cases())
     throw OpenError(
         fmt::format("{}: there is no case {}: they are 0 to {}", plan_or_folder, index, campaign.cases() - 1));
-  const std::string there = folder ? stored_row(*folder, index) : std::string();
+  for (const std::string& value : values) {
+    const std::size_t at = value.find('=');
+    if (at == value.npos) throw OpenError(fmt::format("--axis {}: give AXIS=VALUE", value));
+    campaign = with_axis_value(campaign, index, value.substr(0, at), value.substr(at + 1));
+  }
+  const bool is_compared = folder && values.empty();
+  const std::string there = is_compared ? stored_row(*folder, index) : std::string();
   CaseRunner runner(campaign);
   if (!record.empty()) {
     refuse_inputs(runner.prepare(case_of(campaign, index)), campaign, folder, record);
@@ -68,7 +75,7 @@ int repeat_case(const std::string& plan_or_folder, std::uint64_t index, const st
   const std::atomic<bool> no_stop = false;
   const std::optional<CaseRunner::Result> here = runner.run(index, no_stop, {.record = record, .of_test = true});
   TextFile("-").write(here->row + "\n");
-  if (folder && there.empty()) fmt::print(stderr, "case {} has no row in {} yet\n", index, plan_or_folder);
+  if (is_compared && there.empty()) fmt::print(stderr, "case {} has no row in {} yet\n", index, plan_or_folder);
   if (there.empty() || there == here->row) return here->exit_code;
   fmt::print(stderr, "case {} differs from its row in {}: {}\n", index, plan_or_folder,
              fmt::join(differences(there, here->row), "; "));
