@@ -18,7 +18,7 @@ class DatagramSender {
  public:
   struct Options {
     DatagramFaults::Rates faults;
-    unsigned resend_at_most = 10;  // lockstep: repetitions of one datagram
+    unsigned resend_at_most = 50;  // lockstep: repetitions of one datagram
     Nanoseconds answer_timeout = std::chrono::milliseconds(200);
   };
   struct Counters {
