@@ -245,7 +245,7 @@ def names_above(browser):
 
 def check_pause(browser):
     """While the output is paused the measured curve is interrupted; the truth goes on. A page that is opened meanwhile knows it."""
-    assert re.search(r"[1-9]\d*\.\d samples/s", text(browser, f"{IMU1} .figures")), text(browser, f"{IMU1} .figures")
+    wait_until("samples", lambda: re.search(r"[1-9]\d*\.\d samples/s", text(browser, f"{IMU1} .figures")))
     canvas_of(browser)
     call("pause", imu="imu1")
     wait_for_shade(browser, "unsent", 1.2)
@@ -260,7 +260,7 @@ def check_pause(browser):
     wait_until("the pause in a new page", lambda: names_above(browser) == ["output paused"])
     call("resume", imu="imu1")
     wait_until("samples again", lambda: "samples/s" in text(browser, f"{IMU1} .figures"))
-    assert text(browser, f"{IMU1} .state") == ""
+    wait_until("no state", lambda: text(browser, f"{IMU1} .state") == "")
 
 
 def check_marks(browser):
@@ -269,7 +269,7 @@ def check_marks(browser):
         assert word in text(browser, "#shades"), text(browser, "#shades")
     canvas_of(browser)
     call("set", **{"truth.extrapolate_ms": 1000})
-    assert re.search(r"truth \d+\.\d Hz", text(browser, "#truth")), text(browser, "#truth")
+    wait_until("truth", lambda: re.search(r"truth \d+\.\d Hz", text(browser, "#truth")))
     browser.execute_script("document.querySelector('#together').open = true")
     imud.truth.send_signal(signal.SIGSTOP)
     try:

@@ -361,7 +361,13 @@ TEST_F(ControlRun, SubscribersGetSamplesTruthAndEvents) {
     k.insert(k.end(), samples["k"].begin(), samples["k"].end());
   }
   EXPECT_EQ(k, json::parse("[0, 5, 10, 15, 20]"));
-  EXPECT_EQ(other.notification("truth")["k"][1], 2);
+  json truth_k = json::array();
+  while (truth_k.size() < 2) {
+    const json truths = other.notification("truth");
+    ASSERT_FALSE(truths.is_null());
+    truth_k.insert(truth_k.end(), truths["k"].begin(), truths["k"].end());
+  }
+  EXPECT_EQ(truth_k[1], 2);
   other.call("mark", {{"text", "climb"}});
   json event = client.notification("event");
   if (event["event"] == "run") event = client.notification("event");

@@ -67,7 +67,7 @@ TEST_F(Programs, HaveAnInput) {
 
 TEST_F(Programs, AreKilledAfterTheLimitWithTheirChildren) {
   const auto outputs =
-      run({shell_call("sleep 1000 & echo $!; wait"), shell_call("trap '' TERM; echo here; sleep 1000")}, 2s);
+      run({shell_call("sleep 1000 & echo $!; wait"), shell_call("trap '' TERM; echo here; sleep 1000")}, 5s);
   for (const CommandOutput& one : outputs) {
     EXPECT_TRUE(one.is_late);
     EXPECT_EQ(one.exit_code, 128 + SIGKILL);
