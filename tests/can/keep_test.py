@@ -40,7 +40,8 @@ class KeptGuest(unittest.TestCase):
         self.assertEqual((first.returncode, first.stdout), (7, "out\n0027\n/usr\n"))
         self.assertEqual(first.stderr, "with-vcan: using a guest that is kept\nerr\n")
 
-        host = self.start("sh", "-c", "candump -n 2 vcan0 & sleep 0.2; echo listens; wait")
+        host = self.start("sh", "-c", "candump -n 2 vcan0 & until grep -q vcan0 /proc/net/can/rcvlist_all; "
+                          "do sleep 0.1; done; echo listens; wait")
         self.assertEqual(host.stdout.readline(), "listens\n")
         frames = [self.run_script("--keep", "cansend", "vcan0", frame) for frame in ("123#11", "124#2233")]
         self.assertEqual([(one.returncode, one.stderr) for one in frames], [(0, "")] * 2)  # no second guest

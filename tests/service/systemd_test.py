@@ -274,7 +274,7 @@ class SystemdTest(unittest.TestCase):
         print(f"the longest restart took {longest_s:.2f} s", file=sys.stderr)
 
     def test_the_watchdog_ends_a_run_that_stands_still(self):
-        self.run_all("sh", "-c", "mkdir -p /run/systemd/system/imud@bench.service.d && printf '[Service]\\nWatchdogSec=1\\nTimeoutAbortSec=1\\n'"
+        self.run_all("sh", "-c", "mkdir -p /run/systemd/system/imud@bench.service.d && printf '[Service]\\nWatchdogSec=5\\nTimeoutAbortSec=1\\n'"
                      " > /run/systemd/system/imud@bench.service.d/test.conf && systemctl daemon-reload")
         self.addCleanup(self.run_all, "sh", "-c", "rm -r /run/systemd/system/imud@bench.service.d && systemctl daemon-reload")
         self.start()

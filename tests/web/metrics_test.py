@@ -39,6 +39,7 @@ imud = Imud(sys.argv[1], sys.argv[2])
 try:
     imus = [(("imu", "imu1"),), (("imu", 'tail "left"'),)]
     wait_until("200 samples", lambda: samples()["imud_imu_samples_total", imus[1]] > 200)
+    wait_until("50 truths", lambda: samples()["imud_truth_accepted_total", ()] > 50)
     all_samples = samples()
     assert len(all_samples) > 150, len(all_samples)
     counters = call("status")["result"]["counters"]

@@ -55,9 +55,9 @@ def check_tables_stay(browser):
 
 def check_buttons_of_faults(browser):
     for name, span in ("Gyro stuck", "gyro stuck"), ("Messages missing", "message missing"), ("Supply off", "power off"):
-        button(browser, name).click()
+        click(browser, name)
         wait_until(f"the span of {name}", lambda: span in browser.execute_script("return document.querySelector('.active').textContent"))
-    button(browser, "End all faults").click()
+    click(browser, "End all faults")
     wait_until("their end", lambda: not browser.execute_script("return document.querySelector('.active').textContent"))
     expect_no_errors(browser)
 
