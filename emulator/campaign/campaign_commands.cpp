@@ -124,13 +124,7 @@ void CampaignCommands::add_run(CLI::App& campaign) {
   resume_ = resume;
   CLI::App* status = campaign.add_subcommand("status", "Show how far a campaign has come");
   status->add_option("DIR", folder_, "Folder of the results")->required();
-  CLI::Option* json = status->add_flag("--json", json_, "As JSON");
-  CLI::Option* web = status->add_option("--web", web_.listen, "Show it on a page at this address until SIGINT")
-                         ->type_name("ADDR:PORT")
-                         ->excludes(json);
-  status->add_option("--token-file", web_.token_file, "File with the token that the page asks for")
-      ->type_name("FILE")
-      ->needs(web);
+  status_options_.add_to(*status);
   status_ = status;
   CLI::App* repeat =
       campaign.add_subcommand("repeat", "Run one case alone, print its row, and compare it with the stored one");
@@ -169,8 +163,9 @@ std::optional<int> CampaignCommands::execute() const {
     return is_for_slurm() ? run_on_slurm(plan_, folder_, slurm) : run_campaign(plan_, folder_, run_options_);
   if (resume_->parsed())
     return is_for_slurm() ? resume_on_slurm(folder_, slurm) : resume_campaign(folder_, run_options_);
-  if (status_->parsed() && !web_.listen.empty()) return serve_campaign(folder_, web_);
-  if (status_->parsed()) return campaign_status(folder_, json_);
+  if (status_->parsed())
+    return status_options_.has_page() ? serve_campaign(folder_, status_options_.web)
+                                      : campaign_status(folder_, status_options_.json);
   if (repeat_->parsed()) return repeat_case(plan_, case_, record_, values_);
   if (bisect_->parsed()) return bisect_campaign(plan_, bisect_options_);
   for (const CLI::App* tool : tools_)

@@ -9,11 +9,7 @@
 #include "emulator/campaign/campaign_bisect.hpp"
 #include "emulator/campaign/campaign_run.hpp"
 #include "emulator/campaign/slurm_run.hpp"
-#include "emulator/plan/web_config.hpp"
-
-namespace CLI {
-class App;
-}
+#include "emulator/web/status_page_options.hpp"
 
 namespace imud {
 
@@ -36,9 +32,8 @@ class CampaignCommands {
   std::string plan_, folder_, record_;
   std::string engine_;  // "local" or "slurm"; empty: by the folder
   std::uint64_t case_ = 0;
-  bool json_ = false;
-  WebConfig web_;                    // of the page of `status`
-  std::vector<std::string> values_;  // of `repeat`
+  StatusPageOptions status_options_;  // of `status`
+  std::vector<std::string> values_;   // of `repeat`
   CampaignBisectOptions bisect_options_;
   CampaignRunOptions run_options_;
   SlurmRunOptions slurm_options_;

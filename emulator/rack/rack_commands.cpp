@@ -20,13 +20,7 @@ RackCommands::RackCommands(CLI::App& app, bool is_given) {
   };
   check_ = add("check", "List every fault of a rack and of its configurations, or show what would run where");
   CLI::App* status = add("status", "Show what runs on the hosts of a rack, and what differs between them");
-  CLI::Option* json = status->add_flag("--json", json_, "As JSON");
-  CLI::Option* web = status->add_option("--web", web_.listen, "Show it on a page at this address until SIGINT")
-                         ->type_name("ADDR:PORT")
-                         ->excludes(json);
-  status->add_option("--token-file", web_.token_file, "File with the token that the page asks for")
-      ->type_name("FILE")
-      ->needs(web);
+  options_.add_to(*status);
   status->footer(
       "Exit codes: 0 all runs of the rack run; 1 one does not, or a host was not reached; 2 the rack is wrong.");
   status_ = status;
@@ -43,7 +37,8 @@ RackCommands::RackCommands(CLI::App& app, bool is_given) {
 std::optional<int> RackCommands::execute() const {
   if (check_ == nullptr) return std::nullopt;
   if (check_->parsed()) return rack_check(file_);
-  if (status_->parsed()) return web_.listen.empty() ? show_rack_status(file_, json_) : serve_rack(file_, web_);
+  if (status_->parsed())
+    return options_.has_page() ? serve_rack(file_, options_.web) : show_rack_status(file_, options_.json);
   if (start_->parsed()) return rack_start(file_);
   if (stop_->parsed()) return rack_stop(file_);
   return std::nullopt;

@@ -4,11 +4,7 @@
 #include <optional>
 #include <string>
 
-#include "emulator/plan/web_config.hpp"
-
-namespace CLI {
-class App;
-}
+#include "emulator/web/status_page_options.hpp"
 
 namespace imud {
 
@@ -22,8 +18,7 @@ class RackCommands {
 
  private:
   std::string file_;
-  bool json_ = false;
-  WebConfig web_;  // of the page of `status`
+  StatusPageOptions options_;  // of `status`
   const CLI::App *check_ = nullptr, *status_ = nullptr, *start_ = nullptr, *stop_ = nullptr;
 };
 
