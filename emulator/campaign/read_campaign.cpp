@@ -205,6 +205,10 @@ CampaignTest read_test(TableReader table) {
   if (is_text(table, "command") && test.command.empty()) table.fault("command", "give a command");
   test.time_limit_s = table.real("time_limit_s", test.time_limit_s, 1e-3, 1e7);
   test.settle_s = table.real("settle_s", test.settle_s, 0, 3600);
+  if (test.settle_s >= test.time_limit_s)
+    table.fault("settle_s",
+                fmt::format("give a time before time_limit_s, {:g}, which counts from the command's start",
+                            test.time_limit_s));
   table.finish();
   return test;
 }

@@ -110,6 +110,7 @@ c = { distribution = "uniform", from = 2, to = 1, component = 3 }
 d = 5
 [test]
 time_limit_s = -1
+settle_s = 60
 [slurm]
 partitoin = "x"
 )"),
@@ -128,7 +129,8 @@ partitoin = "x"
                 "plan.toml:18: draws.keys.d: give a table, such as ",
                 "plan.toml:13: draws.methd: unknown key; did you mean \"method\"?",
                 "plan.toml:19: test.command: missing", "plan.toml:20: test.time_limit_s: -1 ",
-                "plan.toml:22: slurm.partitoin: unknown key; did you mean \"partition\"?",
+                "plan.toml:21: test.settle_s: give a time before time_limit_s, 60, which counts from",
+                "plan.toml:23: slurm.partitoin: unknown key; did you mean \"partition\"?",
                 "plan.toml:3: seds: unknown key; did you mean \"seeds\"?"});
 }
 
