@@ -7,6 +7,7 @@
 #include <boost/beast/http/write.hpp>
 #include <boost/beast/websocket/rfc6455.hpp>
 #include <chrono>
+#include <exception>
 #include <string_view>
 #include <utility>
 
@@ -129,7 +130,13 @@ Response HttpConnection::get(const Request& request) const {
   const std::string_view path = path_of(request);
   Response found;
   const WebSite& site = content_.site;
-  if (std::optional<WebDocument> document = site.document(path, view(request[http::field::accept]))) {
+  std::optional<WebDocument> document;
+  try {
+    document = site.document(path, view(request[http::field::accept]));
+  } catch (const std::exception& error) {
+    return fault(request, http::status::internal_server_error, error.what());
+  }
+  if (document) {
     found = response(request, http::status::ok, document->type, std::move(document->text));
     found.set(http::field::vary, "Accept");
   } else {

@@ -12,15 +12,13 @@ import urllib.request
 
 sys.path.append(str(pathlib.Path(__file__).resolve().parent.parent / "campaign"))
 import shard_files  # noqa: E402
-from chromium import check_in_browser, expect_no_errors, text  # noqa: E402
+from chromium import check_in_browser, expect_no_errors, save_picture, text  # noqa: E402
 from imud_page import wait_until  # noqa: E402
 
 imud_path, pictures = sys.argv[1], pathlib.Path(sys.argv[2])
 pictures.mkdir(parents=True, exist_ok=True)
 CASES, BATCH, SEEDS = 400, 20, 50
 WALKS = ["0.1", "0.2", "0.4", "0.8"]
-# Returns the page's width beyond that of the window.
-OVERHANG = "return document.documentElement.scrollWidth - document.documentElement.clientWidth;"
 
 
 def row(index):
@@ -65,6 +63,16 @@ def check_http():
             raise AssertionError(f"{path} is answered")
         except urllib.error.HTTPError as error:
             assert error.code == code, (path, error.code)
+    shards, away = pathlib.Path(folder) / "shards", pathlib.Path(folder) / "away"
+    shards.rename(away)
+    shards.write_text("")
+    try:
+        answer("status")
+        raise AssertionError("a status without a folder of shards")
+    except urllib.error.HTTPError as error:
+        assert error.code == 500 and "cannot be read: Not a directory" in error.read().decode(), error
+    shards.unlink()
+    away.rename(shards)
     now = status()
     # 0.8 has 20 of the 100 cases in each half; the first half and case 7 of 0.1 are there.
     assert [now[key] for key in ("cases", "cases_done", "failed", "expectations_failed", "incomplete")] == [CASES, 199, 1, 10, 1], now
@@ -81,21 +89,14 @@ def check_http():
     assert (now["shards_whole"], now["shards_read"], now["shards_present"], now["left_s"]) == (10, 10, 10, None), now
 
 
-def screenshot(browser, name, width, scheme):
-    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": [{"name": "prefers-color-scheme", "value": scheme}]})
-    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", {"width": width, "height": 1000, "deviceScaleFactor": 1, "mobile": width < 500})
-    assert browser.execute_script(OVERHANG) == 0, f"wider than {width} pixels"
-    browser.save_screenshot(str(pictures / f"campaign_{name}.png"))
-
-
 def check(browser):
     browser.get(address)
     wait_until("the state", lambda: text(browser, "#state") == "199 of 400 cases are done; nothing runs.")
     assert text(browser, "#resume code") == f"imud campaign resume {folder}", text(browser, "#resume")
     assert "188 of 199\t94.47 %" in text(browser, "#rates") and "189 of 199\t94.97 %" in text(browser, "#rates"), text(browser, "#rates")
     assert "settles does not hold" in text(browser, "#failed") and "Case 7 seed 8" in text(browser, "#failed") and ", scenario none: " in text(browser, "#failed"), text(browser, "#failed")
-    screenshot(browser, "wide", 1200, "light")
-    screenshot(browser, "narrow_dark", 400, "dark")
+    save_picture(browser, pictures / "campaign_wide.png", 1200, "light")
+    save_picture(browser, pictures / "campaign_narrow_dark.png", 400, "dark")
     # More shards, which a process writes.
     write_shards(folder, 200, CASES - BATCH)
     work = pathlib.Path(folder) / "shards/.000000380-000000399.n2.example.boot-1.5.tmp"
@@ -115,8 +116,8 @@ def check(browser):
     wait_until("the end", lambda: text(browser, "#state") == "All 400 cases are done.")
     wait_until("case 7", lambda: "379 of 400" in text(browser, "#rates") and "Case 7 " not in text(browser, "#failed"))
     expect_no_errors(browser)
-    screenshot(browser, "narrow", 400, "light")
-    screenshot(browser, "dark", 1200, "dark")
+    save_picture(browser, pictures / "campaign_narrow.png", 400, "light")
+    save_picture(browser, pictures / "campaign_dark.png", 1200, "dark")
 
 
 with tempfile.TemporaryDirectory(prefix="campaign") as folder:
@@ -126,8 +127,9 @@ with tempfile.TemporaryDirectory(prefix="campaign") as folder:
     shard_files.BUILD = re.fullmatch(r"imud \S+ is of a build that is not stored there and build (\w+) here", shown["difference_of_imud"])[1]
     shard_files.write_campaign(folder, CASES, BATCH)
     write_shards(folder, 0, 200)
-    wrong = subprocess.run([imud_path, "campaign", "status", folder, "--web", "0.0.0.0:0"], capture_output=True, text=True)
-    assert wrong.returncode != 0 and "--token-file" in wrong.stderr, wrong
+    for address, remedy in ("0.0.0.0:0", "--token-file"), ("", "give a numeric address"):
+        wrong = subprocess.run([imud_path, "campaign", "status", folder, "--web", address], capture_output=True, text=True, timeout=120)
+        assert wrong.returncode != 0 and remedy in wrong.stderr, wrong
     imud = subprocess.Popen([imud_path, "campaign", "status", folder, "--web", "127.0.0.1:0"], stdout=subprocess.PIPE, text=True)
     try:
         address = imud.stdout.readline().split()[0]

@@ -43,3 +43,15 @@ TEXT = "return document.querySelector(arguments[0])?.innerText ?? '';"
 
 def text(browser, selector):
     return browser.execute_script(TEXT, selector)
+
+
+# Returns the page's width beyond that of the window.
+OVERHANG = "return document.documentElement.scrollWidth - document.documentElement.clientWidth;"
+
+
+def save_picture(browser, path, width, scheme):
+    """Saves the page as a window of that many pixels shows it, in the colour scheme "light" or "dark". It must fit in."""
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": [{"name": "prefers-color-scheme", "value": scheme}]})
+    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", {"width": width, "height": 1000, "deviceScaleFactor": 1, "mobile": width < 500})
+    assert browser.execute_script(OVERHANG) == 0, f"wider than {width} pixels"
+    browser.save_screenshot(str(path))

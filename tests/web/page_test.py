@@ -4,7 +4,7 @@ import pathlib
 import re
 import sys
 
-from chromium import check_in_browser, expect_no_errors, text
+from chromium import OVERHANG, check_in_browser, expect_no_errors, text
 from imud_page import NO_PRIORITY, Imud, wait_until
 from selenium.common.exceptions import (ElementClickInterceptedException, NoSuchElementException,
                                         StaleElementReferenceException)
@@ -34,8 +34,6 @@ def click(browser, name):
 COLOURS = """const canvas = arguments[0].querySelector("canvas");
 const pixels = new Uint32Array(canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height).data.buffer);
 return new Set(pixels).size;"""
-# Returns the page's width beyond that of the window.
-OVERHANG = "return document.documentElement.scrollWidth - document.documentElement.clientWidth;"
 
 
 # Returns the element of a cell of the newest sample, and selects its row's name.

@@ -11,13 +11,11 @@ import sys
 import tempfile
 import urllib.request
 
-from chromium import check_in_browser, expect_no_errors, text  # noqa: E402
+from chromium import check_in_browser, expect_no_errors, save_picture, text  # noqa: E402
 from imud_page import wait_until  # noqa: E402
 
 imud_path, pictures = sys.argv[1], pathlib.Path(sys.argv[2])
 pictures.mkdir(parents=True, exist_ok=True)
-# Returns the page's width beyond that of the window.
-OVERHANG = "return document.documentElement.scrollWidth - document.documentElement.clientWidth;"
 
 SSH = """#!/bin/sh
 for word; do host=$before; before=$word; done
@@ -42,13 +40,6 @@ def answer(host, *runs, version="1.2"):
     written.rename(folder / f"{host}.txt")
 
 
-def screenshot(browser, name, width, scheme):
-    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": [{"name": "prefers-color-scheme", "value": scheme}]})
-    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", {"width": width, "height": 1000, "deviceScaleFactor": 1, "mobile": width < 500})
-    assert browser.execute_script(OVERHANG) == 0, f"wider than {width} pixels"
-    browser.save_screenshot(str(pictures / f"rack_{name}.png"))
-
-
 def check(browser):
     browser.get(address)
     wait_until("the state", lambda: text(browser, "#state") == "2 of 4 runs are running.")
@@ -59,8 +50,8 @@ def check(browser):
     remarks = text(browser, "#remarks")
     assert "versions differ: 1.2 (bench1), 1.3 (bench2)" in remarks and "bench2: wing runs version 1.2, and 1.3 is installed" in remarks, remarks
     assert "wing of imud@wing on bench2 has begun 4 s after nose of imud@nose on bench1" in remarks, remarks
-    screenshot(browser, "wide", 1200, "light")
-    screenshot(browser, "narrow_dark", 400, "dark")
+    save_picture(browser, pictures / "rack_wide.png", 1200, "light")
+    save_picture(browser, pictures / "rack_narrow_dark.png", 400, "dark")
     # All run, with one version and one begin.
     first_k = 2000 * 1_800_000_000
     answer("bench1", run_of("nose", first_k), run_of("tail", first_k))
@@ -68,8 +59,8 @@ def check(browser):
     answer("bench3", run_of("<b>other</b>", first_k), run_of("fin", first_k))
     wait_until("all", lambda: text(browser, "#state") == "All 4 runs on 3 hosts are running.")
     assert text(browser, "#remarks") == "", text(browser, "#remarks")
-    screenshot(browser, "narrow", 400, "light")
-    screenshot(browser, "dark", 1200, "dark")
+    save_picture(browser, pictures / "rack_narrow.png", 400, "light")
+    save_picture(browser, pictures / "rack_dark.png", 1200, "dark")
     (folder / "root@bench2.txt").unlink()
     wait_until("a lost host", lambda: text(browser, "#state") == "3 of 4 runs are running.")
     assert "Could not resolve hostname root@bench2" in text(browser, "#hosts"), text(browser, "#hosts")

@@ -173,7 +173,14 @@ void ResultFolder::check_writable() const {
 ResultFolder::Listing ResultFolder::list() const {
   Listing listing;
   std::error_code error;
-  for (const auto& entry : std::filesystem::directory_iterator(shards_path(), error)) {
+  const auto check = [&] {
+    if (error) throw OpenError(fmt::format("{}: cannot be read: {}", shards_path().string(), error.message()));
+  };
+  std::filesystem::directory_iterator at(shards_path(), error);
+  if (error == std::errc::no_such_file_or_directory) return listing;  // no case has been done yet
+  check();
+  for (; at != std::filesystem::directory_iterator(); at.increment(error), check()) {
+    const std::filesystem::directory_entry& entry = *at;
     const std::string name = entry.path().filename().string();
     if (const auto cases = cases_of_shard(name); cases && *cases == campaign_.shard_of(cases->first)) {
       listing.shards.push_back(*cases);

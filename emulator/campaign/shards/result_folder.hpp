@@ -67,6 +67,7 @@ class ResultFolder {
         temporaries;                  // of shards at work: neither left behind nor older than their shard
     std::vector<std::string> others;  // names that belong to no campaign
   };
+  // Throws OpenError if the folder of the shards cannot be read.
   Listing list() const;
   // Returns the shards at which other processes are at work, ascending and each once.
   std::vector<CaseRange> at_work() const;
