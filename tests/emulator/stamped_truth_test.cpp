@@ -21,7 +21,7 @@ constexpr double first_truth_s = 1.123456789;  // by the shared clock, after `si
 class StampedTruth : public RecordTest {
  protected:
   struct Host {
-    // Of the shared clock against the host's, after so many seconds of the host's.
+    // Returns how far the shared clock is ahead of the host's, after so many seconds of the host's.
     std::function<double(double)> ahead_s = [](double) { return 0.0; };
     double latency_s = 0.2e-3;  // of the network; up to `jitter_s` more at random
     double jitter_s = 0.5e-3;

@@ -31,7 +31,8 @@ TEST(StopRules, AreReadFromASentence) {
     EXPECT_FALSE(StopRule::parse(bad)) << bad;
 }
 
-// Of Wilson's interval, z = 1.959964: its half width is z^2/2(n + z^2) if all pass, and z/2 sqrt(n + z^2) if half do.
+// With z = 1.959964, half the width of Wilson's interval is z^2/2(n + z^2) if all pass, and z/2 sqrt(n + z^2) if half
+// do.
 TEST(StopRules, AreMetByTheIntervalOfWilson) {
   const StopRule rule = *StopRule::parse("cases pass rate within 1 % at 95 %");
   EXPECT_FALSE(rule.is_met(188, 188));

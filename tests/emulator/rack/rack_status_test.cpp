@@ -79,7 +79,7 @@ TEST(RackStatus, NamesWhyARunDoesNotRun) {
             "bench2: has not answered within 10 s\n");
   EXPECT_EQ(text_with({.fault = {}, .sections = {{"version", ""}, {"units", ""}, {"runs", ""}}}),
             "bench2: imud is not installed there\n");
-  // What a host answers is shown, not executed by the terminal.
+  // The terminal shows the answer of a host, and does not execute it.
   EXPECT_EQ(text_with({.fault = "\x1b]0;owned\x07", .sections = {}}), "bench2: ?]0;owned?\n");
 }
 

@@ -193,7 +193,7 @@ TEST_F(RackTest, FaultsOfAConfigurationAreItsOwn) {
   EXPECT_EQ(faults_together(none).size(), 1U);
 }
 
-// What only one run of a host may have.
+// A host may have each of these in one run alone.
 TEST_F(RackTest, WhatTwoRunsOfAHostCannotShare) {
   const auto expect = [this](const RunParts& nose, const RunParts& tail, const std::string& fault) {
     write("nose.toml", nose.text());
