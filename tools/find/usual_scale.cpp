@@ -3,29 +3,30 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdlib>
 #include <span>
 
-#include "core/units.hpp"
+#include "protocols/quantities/key_units.hpp"
 
 namespace imud {
 namespace {
 
-using units::standard_gravity;
+template <class Units, class... Suffixes>
+constexpr auto chosen(const Units& units, Suffixes... suffixes) {
+  return std::to_array({*find_unit(units, suffixes)...});
+}
 
-struct Unit {
-  std::string_view name;
-  double si;
-};
-constexpr Unit forces[] = {{"g", standard_gravity},    {"m_per_s2", 1},     {"mg", 1e-3 * standard_gravity},
-                           {"ft_per_s2", units::foot}, {"cm_per_s2", 0.01}, {"ug", 1e-6 * standard_gravity}};
-constexpr Unit rates[] = {
-    {"deg_per_s", units::degree}, {"rad_per_s", 1}, {"mrad_per_s", 1e-3}, {"deg_per_hr", units::degree / 3600}};
-constexpr Unit velocities[] = {{"m_per_s", 1}, {"ft_per_s", units::foot}};
-constexpr Unit angles[] = {{"rad", 1}, {"deg", units::degree}};
+// The units that manuals give an LSB in, the most usual two first.
+constexpr auto forces = chosen(key_units::acceleration, "_g", "_m_per_s2", "_mg", "_ft_per_s2", "_cm_per_s2", "_ug");
+constexpr auto rates = chosen(key_units::rate, "_deg_per_s", "_rad_per_s", "_mrad_per_s", "_deg_per_hr");
+constexpr auto velocities = chosen(key_units::speed, "_m_per_s", "_ft_per_s");
+constexpr auto angles = chosen(key_units::angle, "_rad", "_deg");
 
-std::span<const Unit> units_of(VectorQuantity quantity) {
+std::string name_of(const KeyUnit& unit) { return std::string(unit.suffix.substr(1)); }
+
+std::span<const KeyUnit> units_of(VectorQuantity quantity) {
   switch (quantity) {
     case VectorQuantity::rate:
       return rates;
@@ -49,26 +50,25 @@ constexpr double rate_ranges[] = {125, 150, 250, 300, 350, 400, 450, 500, 1000, 
 // Returns all figures within a factor.
 std::vector<UsualScale> figures(VectorQuantity quantity, bool is_float, std::size_t bytes, double si, double factor) {
   std::vector<UsualScale> all;
-  const auto add = [&](const Unit& unit, double value, std::string text) {
-    const double scale = value * unit.si;
-    if (scale <= si * factor && si <= scale * factor)
-      all.push_back({std::string(unit.name), std::move(text), value, scale});
+  const auto add = [&](const KeyUnit& unit, double value, std::string text) {
+    const double scale = value * unit.factor;
+    if (scale <= si * factor && si <= scale * factor) all.push_back({name_of(unit), std::move(text), value, scale});
   };
   if (is_float) {
-    for (const Unit& unit : units_of(quantity)) add(unit, 1, "1");
+    for (const KeyUnit& unit : units_of(quantity)) add(unit, 1, "1");
     return all;
   }
   // Other units are decimals of these.
-  const std::span<const Unit> main_units = units_of(quantity).first(2);
+  const std::span<const KeyUnit> main_units = units_of(quantity).first(2);
   for (const int digit : {1, 2, 4, 5})
     for (int power = -9; power <= 0; ++power)
-      for (const Unit& unit : main_units) {
+      for (const KeyUnit& unit : main_units) {
         const std::string text = power < -5 ? fmt::format("{}e{}", digit, power)
                                             : fmt::format("{:.{}f}", digit * std::pow(10, power), -power);
         add(unit, std::strtod(text.c_str(), nullptr), text);
       }
   for (int power = 1; power <= 40; ++power)
-    for (const Unit& unit : main_units) add(unit, std::ldexp(1, -power), fmt::format("2^-{}", power));
+    for (const KeyUnit& unit : main_units) add(unit, std::ldexp(1, -power), fmt::format("2^-{}", power));
   if (bytes != 2) return all;
   if (quantity == VectorQuantity::specific_force)
     for (const double range : force_ranges) add(forces[0], range / 32768, fmt::format("{}/32768", range));
@@ -86,11 +86,11 @@ double usual_by_chance(VectorQuantity quantity, bool is_float, std::size_t bytes
 
 // Returns the measured figure in the quantity's first unit, with as many digits as the tolerance leaves.
 UsualScale measured_scale(VectorQuantity quantity, double si, double tolerance) {
-  const Unit& unit = units_of(quantity).front();
+  const KeyUnit& unit = units_of(quantity).front();
   const int digits = std::clamp(static_cast<int>(std::ceil(-std::log10(tolerance))) + 1, 2, 6);
-  const std::string text = fmt::format("{:.{}g}", si / unit.si, digits);
+  const std::string text = fmt::format("{:.{}g}", si / unit.factor, digits);
   const double value = std::strtod(text.c_str(), nullptr);
-  return {std::string(unit.name), text, value, value * unit.si};
+  return {name_of(unit), text, value, value * unit.factor};
 }
 
 }  // namespace
