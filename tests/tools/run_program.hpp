@@ -105,7 +105,7 @@ class Program {
       std::this_thread::sleep_for(std::chrono::milliseconds(1));
     }
     // Its last output is still in the pipes; a process that it left behind may keep them open.
-    const auto drained = Clock::now() + std::chrono::seconds(2);
+    const auto drained = Clock::now() + std::chrono::seconds(10);
     while (!is_drained() && Clock::now() < drained) std::this_thread::sleep_for(std::chrono::milliseconds(1));
     return exit_code_.value_or(-1);
   }

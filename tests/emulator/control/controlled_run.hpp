@@ -15,11 +15,11 @@ class ControlledRun : public LiveTest {
   std::string running(const std::string& control = {}, const std::string& more = {}) {
     return write(
         "config.toml",
-        fmt::format(
-            "clock = \"realtime\"\n[control]\nsocket = \"{}\"\n{}[truth]\nport = \"{}\"\ndelay_ms = 0\n{}[[imu]]\n"
-            "rate_hz = 1000\nprotocol = \"native\"\nport = \"udp:127.0.0.1:9\"\nbefore_first = \"rest\"\n"
-            "gyro.max_rad_per_s = 100\naccelerometer.max_m_per_s2 = 1000\n",
-            path("socket"), control, simulator_.port(), more));
+        fmt::format("clock = \"realtime\"\nrealtime.skip_after_ms = 3600000\n[control]\nsocket = \"{}\"\n{}[truth]\n"
+                    "port = \"{}\"\ndelay_ms = 0\n{}[[imu]]\n"
+                    "rate_hz = 1000\nprotocol = \"native\"\nport = \"udp:127.0.0.1:9\"\nbefore_first = \"rest\"\n"
+                    "gyro.max_rad_per_s = 100\naccelerometer.max_m_per_s2 = 1000\n",
+                    path("socket"), control, simulator_.port(), more));
   }
   static std::uint64_t samples(ControlClient& client) {
     return client.call("status")["result"]["imus"][0]["samples"].get<std::uint64_t>();
