@@ -10,6 +10,7 @@
 
 #include "core/attitude.hpp"
 #include "core/earth/earth.hpp"
+#include "core/navigation/aid_names.hpp"
 #include "core/units.hpp"
 #include "tools/gnuplot.hpp"
 #include "tools/plot/run_plot.hpp"
@@ -44,16 +45,10 @@ void add(SolutionTrack& track, std::size_t first, const Vector3& value, const Ve
 }
 
 std::vector<SolutionTrack::Aid> aids_of(std::span<const SolutionRow> rows) {
-  constexpr std::pair<std::uint16_t, std::string_view> names[] = {{aid::position, "gnss_position"},
-                                                                  {aid::velocity, "gnss_velocity"},
-                                                                  {aid::magnetic_heading, "magnetic_heading"},
-                                                                  {aid::antennas_heading, "antennas_heading"},
-                                                                  {aid::pressure, "pressure"},
-                                                                  {aid::zero_velocity, "zero_velocity"},
-                                                                  {aid::gravity, "gravity"}};
   std::vector<SolutionTrack::Aid> all;
-  for (const auto& [bit, name] : names) {
-    SolutionTrack::Aid aid{name};
+  for (std::size_t i = 0; i < aid::names.size(); ++i) {
+    const unsigned bit = 1U << i;
+    SolutionTrack::Aid aid{aid::names[i]};
     bool is_there = false;
     for (const SolutionRow& row : rows) {
       const bool is_used = (row.aids_used & bit) != 0, is_rejected = (row.aids_rejected & bit) != 0;
