@@ -14,6 +14,7 @@
 #include <type_traits>
 #include <utility>
 
+#include "core/navigation/aid_names.hpp"
 #include "emulator/control/change.hpp"
 #include "transports/host_clock.hpp"
 
@@ -26,13 +27,16 @@ using Buffer = fmt::memory_buffer;
 
 void append(Buffer& out, std::string_view text) { out.append(text.data(), text.data() + text.size()); }
 
-// JSON has no numbers that are not finite.
+// JSON has no numbers that are not finite. Texts are words without quotation marks.
 template <class Value>
 void append_value(Buffer& out, const Value& value) {
-  if constexpr (requires { value.begin(); }) {
-    char before = '[';
+  if constexpr (std::is_same_v<Value, std::string_view>) {
+    fmt::format_to(std::back_inserter(out), "\"{}\"", value);
+  } else if constexpr (requires { value.begin(); }) {
+    out.push_back('[');
+    std::string_view before;
     for (const auto& part : value) {
-      out.push_back(std::exchange(before, ','));
+      append(out, std::exchange(before, ","));
       append_value(out, part);
     }
     out.push_back(']');
@@ -47,6 +51,10 @@ bool has_truth_time(const FeedSample& s) { return s.truth_time.has_value(); }
 bool has_field(const FeedSample& s) { return s.magnetic_field != decltype(s.magnetic_field){}; }
 bool has_pressure(const FeedSample& s) { return s.pressure > 0; }
 bool has_place(const FeedSample& s) { return s.has_place; }
+bool has_solution(const FeedSample& s) { return s.solution.has_value(); }
+
+constexpr std::array<std::string_view, 4> solution_states = {"aligning", "coasting", "aided", "levelled"};
+static_assert(solution_states.size() == static_cast<std::size_t>(Solution::State::levelled) + 1);
 
 // Appends ,"name":[...] with the value of each sample, or null for a sample that lacks it (`has`); nothing if all
 // lack it.
@@ -67,6 +75,31 @@ void append_list(
   out.push_back(']');
 }
 
+// Appends the solution of a unit that computes its own, with the errors and standard deviations.
+void append_solution(Buffer& out, const std::vector<const FeedSample*>& samples) {
+  const auto state = [](const FeedSample& s) { return solution_states[static_cast<std::size_t>(s.solution->state)]; };
+  const auto names = [](std::uint16_t bits) {
+    std::vector<std::string_view> all;
+    for (std::size_t i = 0; i < aid::names.size(); ++i)
+      if ((bits >> i & 1U) != 0) all.push_back(aid::names[i]);
+    return all;
+  };
+  append_list(out, "solution", samples, state, has_solution);
+  append_list(
+      out, "aids_used", samples, [&](const FeedSample& s) { return names(s.solution->used); }, has_solution);
+  append_list(
+      out, "aids_rejected", samples, [&](const FeedSample& s) { return names(s.solution->rejected); }, has_solution);
+  const auto append_part = [&](std::size_t part, std::string_view error, std::string_view sigma) {
+    append_list(
+        out, error, samples, [part](const FeedSample& s) { return s.solution->errors[part]; }, has_solution);
+    append_list(
+        out, sigma, samples, [part](const FeedSample& s) { return s.solution->sigmas[part]; }, has_solution);
+  };
+  append_part(0, "attitude_error", "attitude_sigma");
+  append_part(1, "velocity_error", "velocity_sigma");
+  append_part(2, "position_error", "position_sigma");
+}
+
 // Appends the values beyond rate and specific force, and the counts of samples without their truth.
 void append_rest(Buffer& out, const std::vector<const FeedSample*>& samples) {
   const auto truth_time_s = [](const FeedSample& s) { return static_cast<double>(s.truth_time->ns) / 1e9; };
@@ -76,6 +109,7 @@ void append_rest(Buffer& out, const std::vector<const FeedSample*>& samples) {
   append_list(out, "magnetic_field", samples, &FeedSample::magnetic_field, has_field);
   append_list(out, "pressure", samples, &FeedSample::pressure, has_pressure);
   append_list(out, "position", samples, position, has_place);
+  append_solution(out, samples);
   append_list(out, "sent", samples, &FeedSample::is_sent);
   append_list(out, "extrapolated", samples, &FeedSample::extrapolated);
   append_list(out, "held", samples, &FeedSample::held);

@@ -23,7 +23,10 @@ Engine::Engine(const Config& config, const Ports& ports, StepSink& sink, RunCont
     channels_.push_back(std::make_unique<Channel>(imu, channels_.size(), seed, ports, sink, faults_of(imu, seed)));
   }
   if (control_ != nullptr)
-    for (const auto& channel : channels_) channel->awaited.set_feed(&control_->feed);
+    for (const auto& channel : channels_) {
+      channel->awaited.set_feed(&control_->feed);
+      if (SolutionJudge* judge = channel->sensor.judge()) judge->watch(control_->feed, channel->number);
+    }
   prepared_.reserve(channels_.size());
 }
 

@@ -137,7 +137,8 @@ class Channel {
   void send(std::span<const Frame> frames, DeviceTime time, bool is_reply = false) noexcept;
   // Lets the sensor follow the device, whose settings may have changed.
   void follow_device() noexcept { sensor.follow(unit.device().filters(), unit.device().navigation_requests()); }
-  FeedSample feed_sample() const noexcept;
+  FeedSample feed_sample() noexcept;
+  std::optional<FeedSolution> feed_solution() noexcept;
 
   Outgoing outgoing_;
   bool paused_ = false;        // by a command: all frames are discarded, and counted

@@ -1,4 +1,6 @@
 // The changes that commands and reloads make to a Channel, and the sample that it offers to the feed.
+#include <limits>
+
 #include "emulator/imu/channel.hpp"
 #include "emulator/imu/wire_port.hpp"
 
@@ -87,7 +89,27 @@ void Channel::exchange(Reload::Line& next) noexcept {
   publish();
 }
 
-FeedSample Channel::feed_sample() const noexcept {
+std::optional<FeedSolution> Channel::feed_solution() noexcept {
+  const std::optional<Solution>& solution = outgoing_.sample->solution;
+  if (!solution || sensor.judge() == nullptr) return std::nullopt;
+  FeedSolution shown = {.state = solution->state, .used = solution->used, .rejected = solution->rejected};
+  const auto set = [](FeedSolution::Vectors& all, std::size_t part, const Eigen::Vector3f& value, bool is_known) {
+    constexpr float unknown = std::numeric_limits<float>::quiet_NaN();
+    for (std::size_t i = 0; i < 3; ++i) all[part][i] = is_known ? value[static_cast<Eigen::Index>(i)] : unknown;
+  };
+  const auto error = sensor.judge()->difference(*outgoing_.sample);
+  const SolutionDifference difference = error.value_or(SolutionDifference{.attitude = Vector3::Zero()});
+  const bool reports_place = outgoing_.sample->navigation.is_known;
+  set(shown.errors, 0, difference.attitude.cast<float>(), error.has_value());
+  set(shown.errors, 1, difference.velocity.cast<float>(), difference.has_place);
+  set(shown.errors, 2, difference.position.cast<float>(), difference.has_place);
+  set(shown.sigmas, 0, solution->attitude, true);
+  set(shown.sigmas, 1, solution->velocity, reports_place);
+  set(shown.sigmas, 2, solution->position, reports_place);
+  return shown;
+}
+
+FeedSample Channel::feed_sample() noexcept {
   const Sample& sample = *outgoing_.sample;
   const auto count = [](const Counter& counter) { return counter.load(std::memory_order_relaxed); };
   const Eigen::Quaternionf q = sample.q_LP.cast<float>();
@@ -113,7 +135,8 @@ FeedSample Channel::feed_sample() const noexcept {
           .has_place = place.is_known,
           .latitude = place.latitude,
           .longitude = place.longitude,
-          .height = place.height};
+          .height = place.height,
+          .solution = feed_solution()};
 }
 
 }  // namespace imud

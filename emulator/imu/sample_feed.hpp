@@ -14,6 +14,17 @@
 
 namespace imud {
 
+// The solution that a unit computes itself, and its errors.
+struct FeedSolution {
+  using Vectors = std::array<std::array<float, 3>, 3>;  // of attitude, velocity and position
+
+  Solution::State state = Solution::State::aligning;
+  std::uint16_t used = 0, rejected = 0;  // bits of namespace aid, as in Solution
+  // They are rotations about north, east and down, rad; then along these, m/s and m. NaN: the unit, or the truth, has
+  // none.
+  Vectors errors{}, sigmas{};
+};
+
 // A sample as its device has received it, and the truth that it measures, both in platform axes.
 struct FeedSample {
   std::uint16_t imu = 0;  // its number in the configuration
@@ -37,6 +48,7 @@ struct FeedSample {
   float pressure = 0;                         // Pa; 0: not known
   bool has_place = false;
   double latitude = 0, longitude = 0, height = 0;  // rad, rad, m; valid if has_place
+  std::optional<FeedSolution> solution;            // attitude and place are this one's; nullopt: the truth's
 };
 
 // Filled only while somebody watches, and only with each n-th sample of an imu. The constructor allocates; neither

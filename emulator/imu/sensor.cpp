@@ -27,9 +27,11 @@ Sensor::Sensor(const ImuConfig& config, std::uint64_t seed, ChannelFaults* fault
       filters_{config.model.gyro.filter, config.model.accelerometer.filter, config.model.magnetometer.filter},
       faults_(faults) {
   if (device_filters_) imu_.reserve_filters(Device::longest_boxcar);
-  if (config.navigator.is_on) solution_.emplace(config.navigator, config.model, normals_);
+  if (config.navigator.is_on) {
+    solution_.emplace(config.navigator, config.model, normals_);
+    judge_.emplace(config.model);
+  }
   if (faults_ == nullptr) return;
-  if (solution_) judge_.emplace(config.model);
   const auto utc = std::chrono::system_clock::now().time_since_epoch();
   utc_offset_ns_ = std::chrono::duration_cast<Nanoseconds>(utc).count() - host_now().ns;
 }
@@ -77,10 +79,10 @@ void Sensor::sense(const Timeline& timeline, TruthTime time, std::uint64_t k) no
 [[gnu::noinline]] void Sensor::navigate(const Timeline& timeline, TruthTime time) noexcept {
   const TruthTime measured = time - sampling_delay_;
   const PositionVelocity position = timeline.position(measured);
-  const bool is_judged = judge_ && faults_ != nullptr && faults_->may_act();
-  if (is_judged) judge_->keep(sample_, position, imu_.true_rate());
+  const bool is_judged = faults_ != nullptr && faults_->may_act();
+  if (judge_ && (is_judged || judge_->is_watched(sample_))) judge_->keep(sample_, position, imu_.true_rate());
   solution_->take(sample_, measured, position.earth_angle);
-  if (is_judged) faults_->schedule().judge(judge_->errors(sample_));
+  if (judge_ && is_judged) faults_->schedule().judge(judge_->errors(sample_));
 }
 
 // Changes the sample as the errors of the clock, a leap of the truth, and faults do.
@@ -154,6 +156,7 @@ void Sensor::exchange(Reload::Sensor& next) noexcept {
     solution_->set_seed(normals_.seed());  // a command may have replaced it
   }
   std::swap(judge_, next.judge);
+  if (judge_ && next.judge) judge_->watch_as(*next.judge);
   if (next.grid) {
     grid_ = *next.grid;
     clock_.change(grid_);

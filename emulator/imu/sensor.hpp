@@ -30,9 +30,10 @@ class Sensor {
   const Grid& grid() const noexcept { return grid_; }
   // Returns the solution that the unit computes; nullptr: none.
   const OwnSolution* own_solution() const noexcept { return solution_ ? &*solution_ : nullptr; }
+  // Returns the judge of that solution; nullptr if there is none.
+  SolutionJudge* judge() noexcept { return judge_ ? &*judge_ : nullptr; }
   // The last sample that was taken.
   Sample& sample() noexcept { return sample_; }
-  const Sample& sample() const noexcept { return sample_; }
   // Returns how far it was ahead of the newest truth; 0 if it was not.
   Nanoseconds ahead() const noexcept { return ahead_; }
   // Returns the time up to which the truth of this run was used; nullopt before its first sample.
@@ -77,7 +78,7 @@ class Sensor {
   bool has_clock_errors_;  // one of the two is on
   Acquisition acquisition_;
   std::optional<OwnSolution> solution_;
-  std::optional<SolutionJudge> judge_;  // of what faults do to it; if there are faults
+  std::optional<SolutionJudge> judge_;  // of its errors
   NavigationRequests requests_;         // that have acted
   const Nanoseconds sampling_delay_;
   const bool device_filters_;  // the device's settings have the filters

@@ -5,6 +5,7 @@
 namespace imud {
 
 void SolutionJudge::keep(const Sample& sample, const PositionVelocity& position_B, const Vector3& rate_P) noexcept {
+  kept_ = sample.counter;
   q_LP_ = sample.q_LP;
   // The axes of L at B's origin are those at S but for a millionth of a radian.
   const Navigation origin = earth_.navigation(position_B);
@@ -21,6 +22,17 @@ SolutionErrors SolutionJudge::errors(const Sample& sample) const noexcept {
   errors.velocity = (sample.navigation.v_L - navigation_.v_L).norm();
   errors.position = (sample.navigation.r_E - navigation_.r_E).norm();
   return errors;
+}
+
+std::optional<SolutionDifference> SolutionJudge::difference(const Sample& sample) const noexcept {
+  if (kept_ != sample.counter) return std::nullopt;
+  const Vector3 attitude = log(sample.q_LP * q_LP_.conjugate());
+  if (!navigation_.is_known || !sample.navigation.is_known) return SolutionDifference{.attitude = attitude};
+  const Matrix3 dcm_LE = dcm_EL(navigation_.latitude, navigation_.longitude).transpose();
+  return SolutionDifference{.attitude = attitude,
+                            .has_place = true,
+                            .velocity = sample.navigation.v_L - navigation_.v_L,
+                            .position = dcm_LE * (sample.navigation.r_E - navigation_.r_E)};
 }
 
 }  // namespace imud

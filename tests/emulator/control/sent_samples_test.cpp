@@ -1,6 +1,10 @@
-// `sent` of the samples for those who watch: which of them have left the imu.
+// What those who watch get of a sample: whether it has left the imu, and the solution of a unit that computes its
+// own.
+#include <algorithm>
 #include <atomic>
+#include <cmath>
 
+#include "core/units.hpp"
 #include "tests/emulator/control/controlled_run.hpp"
 
 namespace imud {
@@ -75,6 +79,60 @@ TEST_F(SentSamples, NothingLeavesWhileASensorIsSilentForWantOfTruth) {
   EXPECT_TRUE(comes(true));
   has_truth_ = false;
   EXPECT_TRUE(comes(false));
+  EXPECT_EQ(imud.stop(), 0);
+}
+
+// A vehicle at rest at 48 degrees north, 500 m high.
+TEST_F(SentSamples, AUnitWithAFilterShowsItsSolutionWithItsErrors) {
+  const std::string config = write(
+      "config.toml",
+      fmt::format("clock = \"lockstep\"\n[control]\nsocket = \"{}\"\n[truth]\nport = \"{}\"\n[earth]\nframe = "
+                  "\"local\"\nlatitude_deg = 48\nlongitude_deg = 11\nheight_m = 500\n[[imu]]\nprotocol = \"mip\"\n"
+                  "port = \"udp:127.0.0.1:9\"\ndevice.model = \"3dm-gx5-45\"\n"
+                  "navigation.solution = \"filter\"\n",
+                  path("socket"), simulator_.port()));
+  Program imud("imud");
+  start(imud, config);
+  ControlClient client(path("socket"));
+  ASSERT_TRUE(client.call("subscribe", {{"what", "samples"}, {"decimate", 2500}}).contains("result"));
+  Truth truth;
+  truth.acknowledge = truth.has_position = truth.has_velocity = truth.has_specific_force = true;
+  truth.specific_force_B = {0, 0, -units::standard_gravity};
+  constexpr int seconds = 30, rate_hz = 50;
+  for (int i = 0; i <= seconds * rate_hz; ++i, ++truth.sequence) {
+    truth.time.ns = std::int64_t{i} * (1'000'000'000 / rate_hz);
+    ASSERT_TRUE(simulator_.exchange(truth)) << i;
+  }
+  json first, last;
+  for (std::uint64_t k = 0; k < 30000;) {
+    const json samples = client.notification("samples");
+    ASSERT_FALSE(samples.is_null());
+    json one;
+    for (const auto& [key, list] : samples.items())
+      if (list.is_array()) one[key] = list.back();
+    if (first.is_null())
+      for (const auto& [key, list] : samples.items())
+        if (list.is_array()) first[key] = list.front();
+    last = one;
+    k = one["k"].get<std::uint64_t>();
+  }
+  EXPECT_EQ(first["solution"], "aligning");
+  EXPECT_EQ(last["solution"], "aided");
+  const json& used = last["aids_used"];
+  EXPECT_NE(std::ranges::find(used, "gnss_position"), used.end()) << used;
+  for (const std::string part : {"attitude", "velocity", "position"})
+    for (std::size_t i = 0; i < 3; ++i) {
+      const double error = last[part + "_error"].at(i), sigma = last[part + "_sigma"].at(i);
+      EXPECT_GT(sigma, 0) << part;
+      EXPECT_LT(std::abs(error), 8 * sigma) << part << i;
+      EXPECT_NE(error, 0) << part << i;
+    }
+  // The filter's place, which has 10 cm of error or more, less the true one. A float has 1e-7 of it.
+  constexpr double meridian_m = 6'371'000;  // the radius, to 1 %
+  const double latitude = last["position"].at(0), height = last["position"].at(2);
+  const double north = (latitude - 48 * units::degree) * meridian_m;
+  EXPECT_NEAR(last["position_error"].at(2).get<double>(), 500 - height, 1e-4);
+  EXPECT_NEAR(last["position_error"].at(0).get<double>(), north, 0.01 * std::abs(north) + 1e-3);
   EXPECT_EQ(imud.stop(), 0);
 }
 
