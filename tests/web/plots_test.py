@@ -13,7 +13,7 @@ import tempfile
 import urllib.request
 
 from chromium import check_in_browser, expect_no_errors, text
-from imud_page import Imud, wait_until
+from imud_page import TWO_IMUS, Imud, wait_until
 from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.actions.wheel_input import ScrollOrigin
 from selenium.webdriver.common.by import By
@@ -21,6 +21,10 @@ from selenium.webdriver.common.by import By
 pictures = pathlib.Path(sys.argv[3])
 pictures.mkdir(parents=True, exist_ok=True)
 IMU1 = "[data-imu=imu1]"
+FILTER = """
+[imu.navigation]
+solution = "filter"
+"""  # of the second imu
 
 # Returns what the shown plots of a part of the page show, by their titles, all of one moment.
 PLOTS = """const part = document.querySelector(arguments[0]);
@@ -196,7 +200,7 @@ def check_units(browser):
 def check_quantities(browser):
     """The other quantities are shown when they are asked for; values of 45 degrees north."""
     expected = (("magnetic_field", "Magnetic field of imu1, µT", "z", 10, 70), ("pressure", "Pressure of imu1, hPa", "", 900, 1000),
-                ("attitude", "Attitude of imu1, rad: true, not measured", "roll", -1, 1),
+                ("attitude", "Attitude of imu1, rad: as the unit reports it", "roll", -1, 1),
                 ("position", "Position of imu1, m from 4", "up", -30, 30), ("temperature_c", "Temperature of imu1, °C: measured", "", 10, 60))
     for key, title, axis, low, high in expected:
         assert plot(browser, title) is None, f"{title} unasked"
@@ -208,6 +212,36 @@ def check_quantities(browser):
     for key, title, *_ in expected:
         press(browser, f"#shown input[value={key}]")
         wait_until(f"no {title}", lambda: plot(browser, title) is None)
+
+
+def check_solution(browser):
+    """A unit with a filter has its errors over the band of its standard deviations, and the aids that it uses."""
+    part = '[data-imu="tail \\"left\\""]'
+    keys = ("attitude_error", "velocity_error", "position_error", "normalized_square", "aids_used")
+    browser.execute_script("document.querySelector(arguments[0]).open = true", part)
+    wait_until("the state of the solution", lambda: "; the unit's solution: aided" in text(browser, f"{part} .values caption"))
+    for key in keys:
+        press(browser, f"#shown input[value={key}]")
+    for name, unit in (("attitude", ", rad"), ("velocity", ", m/s"), ("position", ", m")):
+        def curves(title=f'Error of {name} of tail "left"{unit}: '):
+            return (plot(browser, title, part) or {"curves": {}})["curves"]
+        wait_until(f"the error of {name}", lambda: sum(y is not None for _, y in curves().get("down", [])) > 10)
+        shown = curves()
+        assert set(shown) == {"north", "east", "down", "north, 1 σ", "east, 1 σ", "down, 1 σ", ""}, list(shown)
+        errors, sigmas = (dict((x, y) for x, y in shown[axis] if y is not None) for axis in ("north", "north, 1 σ"))
+        assert errors.keys() == sigmas.keys() and min(sigmas.values()) > 0, name
+        assert max(abs(y) / sigmas[x] for x, y in errors.items()) < 8, (name, errors, sigmas)
+        assert any(errors.values()), f"no error of {name}"
+    square = plot(browser, 'Error² / σ² of tail "left": ', part)["curves"][""]
+    assert all(0 < y < 60 for _, y in square if y is not None) and square, square
+    aids = plot(browser, 'Aids of tail "left": ', part)["curves"]
+    assert any(y == 1 for _, y in aids["gnss_position"]) and all(y == 0 for _, y in aids["antennas_heading"] if y is not None), aids
+    assert plot(browser, "Error of attitude") is None, "imu1 has no filter"
+    browser.execute_script("document.querySelector(arguments[0]).scrollIntoView()", f"{part} .plots")
+    browser.save_screenshot(str(pictures / "solution.png"))
+    for key in keys:
+        press(browser, f"#shown input[value={key}]")
+    browser.execute_script("document.querySelector(arguments[0]).open = false", part)
 
 
 # Returns of the longest time, s, that is marked so, which share of the pixels is drawn upon at its middle, at the top of a plot; 0
@@ -359,14 +393,14 @@ def check_idle(browser):
 def check(browser):
     browser.get(f"http://{imud.address}/")
     wait_until("the first plot", lambda: plot(browser, "Rate of"))
-    for part in (check_axes, check_freeze, check_zoom, check_save, check_units, check_quantities, check_gap, check_together, check_percentiles, check_pause,
+    for part in (check_axes, check_freeze, check_zoom, check_save, check_units, check_quantities, check_solution, check_gap, check_together, check_percentiles, check_pause,
                  check_marks, check_idle):
         print(part.__name__, flush=True)
         part(browser)
         expect_no_errors(browser)
 
 
-imud = Imud(sys.argv[1], sys.argv[2], start_s=100, arguments=("--set", "earth.frame=local", "--set", "earth.latitude_deg=45", "--set",
+imud = Imud(sys.argv[1], sys.argv[2], imus=TWO_IMUS + FILTER, start_s=100, arguments=("--set", "earth.frame=local", "--set", "earth.latitude_deg=45", "--set",
                                                  "earth.longitude_deg=7", "--set", "earth.height_m=500"))
 try:
     check_in_browser(check, pictures / "plots_failed.png")

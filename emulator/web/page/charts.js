@@ -57,18 +57,19 @@ function round_ticks(scale) {
     scale.ticks.push({value: i * step, label: (i * step).toFixed(decimals)});
 }
 
-// The legend has each curve as it is drawn, dashed or not.
+// The legend has each curve as it is drawn, dashed or not, but no edges of bands.
 const legend = {usePointStyle: true, pointStyleWidth: 26, boxHeight: 8, generateLabels: (chart) => chart.data.datasets.map((set, i) => (
   {text: set.label, datasetIndex: i, pointStyle: "line", strokeStyle: set.borderColor, fontColor: chart.options.color,
-    lineWidth: 2, lineDash: set.borderDash}))};
+    lineWidth: 2, lineDash: set.borderDash})).filter((_, i) => !chart.data.datasets[i].$edge)};
 
-// `datasets`: [{label, color: a name, is_dashed}]. `unit()`: of the values. `clock`: of the times, for the axis. The pointer
-// reads the values of a time.
+// `datasets`: [{label, color: a name, is_dashed, edge}]; `edge`: "upper" or "lower" of a band, the two after one another. `unit()`:
+// of the values. `clock`: of the times, for the axis. The pointer reads the values of a time.
 export function line_chart(canvas, datasets, unit, clock, options = {}) {
   return new Chart(canvas, {
     type: "line",
-    data: {datasets: datasets.map(({label, color: name, is_dashed}) => (
-      {label, $color: name, data: [], borderDash: is_dashed ? [5, 4] : [], borderWidth: is_dashed ? 1.5 : 1.2, pointRadius: 0, pointHoverRadius: 3}))},
+    data: {datasets: datasets.map(({label, color: name, is_dashed, edge}) => (
+      {label, $color: name, $edge: edge, data: [], borderDash: is_dashed ? [5, 4] : [], borderWidth: edge ? 0.4 : is_dashed ? 1.5 : 1.2,
+        fill: edge === "upper" ? "+1" : false, pointRadius: 0, pointHoverRadius: edge ? 0 : 3}))},
     plugins: [spans, lanes],
     options: {
       animation: false, parsing: false, normalized: true, maintainAspectRatio: false,
@@ -76,7 +77,7 @@ export function line_chart(canvas, datasets, unit, clock, options = {}) {
       interaction: {mode: "index", axis: "x", intersect: false},
       plugins: {
         legend: {labels: legend}, spans: options,
-        tooltip: {animation: false, filter: ({raw}) => raw.y !== null, callbacks: {
+        tooltip: {animation: false, filter: ({raw, dataset}) => raw.y !== null && dataset.$edge !== "lower", callbacks: {
           title: ([item]) => (item ? `${item.raw.x.toFixed(3)} s` : ""),
           label: ({dataset, raw}) => `${dataset.label} ${raw.y.toPrecision(5)} ${unit()}`.trim()}},
       },
@@ -96,7 +97,12 @@ export function recolor(chart) {
     scale.grid = {color: color("line")};
     scale.title = {...scale.title, color: color("faint")};
   }
-  for (const set of chart.data.datasets) if (set.$color) set.borderColor = set.backgroundColor = color(set.$color);
+  const translucent = (hex) => hex + (hex.length === 4 ? "2" : "22");
+  for (const set of chart.data.datasets) {
+    if (!set.$color) continue;
+    set.borderColor = color(set.$color);
+    set.backgroundColor = set.$edge ? translucent(set.borderColor) : set.borderColor;
+  }
   chart.update("none");
 }
 

@@ -7,6 +7,7 @@ import {color} from "./shades.js";
 import {range_of, zoom_by_pointer} from "./view.js";
 
 const colors = ["x", "y", "z"];  // of the axes
+const color_of = (i, axes) => (axes.length > colors.length ? `imu${i}` : colors[i]);
 const short = (number) => (number == null ? "–" : Number(number).toPrecision(4));
 
 export class Plots {
@@ -31,13 +32,15 @@ export class Plots {
   // Makes the charts of a quantity, when samples have it and it is shown for the first time.
   #add(quantity) {
     const {axes, has_truth} = quantity;
-    const curves = axes.map((label, i) => ({label, color: colors[i]}));
+    const curves = axes.map((label, i) => ({label, color: color_of(i, axes)}));
+    const bands = quantity.band ? axes.flatMap((axis, i) => [{label: `${axis}, 1 σ`, color: colors[i], edge: "upper"}, {label: "", color: colors[i], edge: "lower"}]) : [];
     const truths = has_truth ? axes.map((axis, i) => ({label: `${axis} truth`, color: colors[i], is_dashed: true})) : [];
     for (const is_error of has_truth ? [false, true] : [false]) {
       const figure = add_figure(this.container), unit = () => choices.unit(quantity).text;
-      const chart = line_chart(figure.canvas, is_error ? curves : [...curves, ...truths], unit, `clock of ${this.imu}`,
+      const chart = line_chart(figure.canvas, is_error ? curves : [...curves, ...truths, ...bands], unit, `clock of ${this.imu}`,
         {shaded: () => this.series.marked(...this.range()), spans: () => this.series.spans_shown});
       chart.options.plugins.legend.display = axes.length > 1;
+      if (quantity.is_logarithmic) chart.options.scales.y.type = "logarithmic";
       zoom_by_pointer(chart, this.view, () => this.series.newest_shown_s);
       recolor(chart);
       this.#charts.push({quantity, is_error, chart, figure});
@@ -73,17 +76,23 @@ export class Plots {
       const {values, truths} = this.#reader(quantity, rows);
       const curve = (read) => quantity.axes.map((_, i) => points(rows, (row) => row.time_s, (row) => read(row)?.[i]));
       const error = (row) => truths(row) && values(row)?.map((value, i) => value - truths(row)[i]);
-      draw_lines(chart, is_error ? curve(error) : [...curve(values), ...(quantity.has_truth ? curve(truths) : [])], begin_s, end_s,
+      const {factor} = choices.unit(quantity), edge = (row, i, sign) => {
+        const sigma = row.values[quantity.band]?.[i];
+        return sigma == null ? undefined : sign * factor * sigma;
+      };
+      const bands = quantity.band ? quantity.axes.flatMap((_, i) => [1, -1].map((sign) => points(rows, (row) => row.time_s, (row) => edge(row, i, sign)))) : [];
+      draw_lines(chart, is_error ? curve(error) : [...curve(values), ...(quantity.has_truth ? curve(truths) : []), ...bands], begin_s, end_s,
         [{spans: this.series.spans_shown}]);
     }
   }
 
-  #title({name, key, words, ...quantity}, is_error, rows) {
-    const unit = choices.unit(quantity).text, from = rows.find((row) => row.values.position)?.values.position;
-    if (is_error) return `Error of ${name.toLowerCase()} of ${this.imu}, ${unit}: measured less truth`;
-    if (key !== "position" || !from) return `${name} of ${this.imu}, ${unit}: ${words}`;
+  #title({name, key, band, ...quantity}, is_error, rows) {
+    const words = quantity.words + (band ? ", over 1 σ as the unit reports it" : "");
+    const {after} = choices.unit(quantity), from = rows.find((row) => row.values.position)?.values.position;
+    if (is_error) return `Error of ${name.toLowerCase()} of ${this.imu}${after}: measured less truth`;
+    if (key !== "position" || !from) return `${name} of ${this.imu}${after}: ${words}`;
     const [latitude, longitude] = from.map((rad) => ((rad * 180) / Math.PI).toFixed(6));
-    return `${name} of ${this.imu}, ${unit} from ${latitude}°, ${longitude}°, ${from[2].toFixed(1)} m: ${words}`;
+    return `${name} of ${this.imu}${after} from ${latitude}°, ${longitude}°, ${from[2].toFixed(1)} m: ${words}`;
   }
 
   // Returns what reads values and truths of rows, in the units that are shown.
@@ -104,12 +113,13 @@ export class Plots {
     const newest = this.series.newest_row_shown;
     if (!newest) return;
     set_text(this.table.caption, (newest.is_sent ? "Newest sample" : `Nothing is sent: ${this.series.why_unsent(newest)}`) +
-      `, at ${newest.time_s.toFixed(3)} s`);
+      `, at ${newest.time_s.toFixed(3)} s` + (newest.solution ? `; the unit's solution: ${newest.solution}` : ""));
     const plotted = this.series.plotted(...this.range());
-    const rows = quantities.filter(({key}) => newest.values[key] && choices.is_shown(key)).map((quantity) => {
+    const is_there = ({key, axes}) => newest.values[key] && choices.is_shown(key) && axes.length <= colors.length;
+    const rows = quantities.filter(is_there).map((quantity) => {
       const {name, axes, has_truth, words} = quantity, {values, truths} = this.#reader(quantity, plotted);
       const value = values(newest), truth = truths(newest), difference = value && truth && value.map((one, i) => one - truth[i]);
-      return [`${name}${axes[0] !== "x" && axes.length > 1 ? ` (${axes.join(", ")})` : ""}, ${choices.unit(quantity).text}` +
+      return [`${name}${axes[0] !== "x" && axes.length > 1 ? ` (${axes.join(", ")})` : ""}${choices.unit(quantity).after}` +
           (has_truth ? "" : `, ${words}`),
         ...colors.map((_, i) => (i < axes.length ? short(value?.[i]) : "")),
         ...colors.map((_, i) => (has_truth ? short(difference?.[i]) : ""))];

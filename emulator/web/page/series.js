@@ -20,7 +20,7 @@ function first_at(rows, time_s) {
 }
 
 export class Series {
-  // {time_s, k, is_first, mark, is_sent, offset_s, values, truths}: `is_first` after a time without samples; `is_sent` is
+  // {time_s, k, is_first, mark, is_sent, offset_s, values, truths, solution}: `is_first` after a time without samples; `is_sent` is
   // false if nothing of the sample has left imud; `offset_s`: of the imu's clock from the simulation's time, as long as that
   // goes on; `values` and `truths` by quantity, SI.
   rows = [];
@@ -50,9 +50,10 @@ export class Series {
 
   #row(params, time_s, i) {
     const values = {}, truths = {}, k = params.k[i], last = this.newest;
-    for (const {key, take, has_truth} of quantities) {
-      const value = params[key]?.[i], truth = params[`true_${key}`]?.[i];
-      if (value != null) values[key] = take ? take(value) : value;
+    for (const {key, read, has_truth, band} of quantities) {
+      const value = read ? read(params, i) : params[key]?.[i], truth = params[`true_${key}`]?.[i];
+      if (value && value[0] !== null) values[key] = value;  // null: not known
+      if (values[key] && band) values[band] = params[band][i];
       if (has_truth && truth && truth[0] !== null) truths[key] = truth;  // null: its truth has never come
     }
     const counts = marks.map((mark) => params[mark]?.[i] ?? 0);
@@ -65,7 +66,7 @@ export class Series {
     this.#last = {k, counts};
     const truth_time_s = params.truth_time_s?.[i];  // stands still while motion is held
     const has_offset = truth_time_s != null && (!last || !(status & 128));
-    return {time_s, k, is_first, mark, is_sent: params.sent?.[i] ?? true, values, truths,
+    return {time_s, k, is_first, mark, is_sent: params.sent?.[i] ?? true, values, truths, solution: params.solution?.[i],
       offset_s: has_offset ? time_s - truth_time_s : last?.offset_s ?? 0};
   }
 

@@ -71,10 +71,10 @@ export class Together {
       return {name, color: color_of(i), marks: series.marked(begin_s - moves_s[i], end_s - moves_s[i]).map(moved),
         spans: series.spans_shown.map(moved)};
     });
-    const {factor, text} = choices.unit(quantity);
+    const {factor, after} = choices.unit(quantity);
     this.#charts.forEach(({chart, figure, axis}, of) => {
       const words = is_error ? "measured less truth" : quantity.has_truth ? "measured" : quantity.words;
-      figure.title(`${is_error ? "Error of " : ""}${is_error ? quantity.name.toLowerCase() : quantity.name} ${axis}, ${text}: ${words}`.replace(" ,", ","));
+      figure.title(`${is_error ? "Error of " : ""}${is_error ? quantity.name.toLowerCase() : quantity.name} ${axis}`.trim() + `${after}: ${words}`);
       draw_lines(chart, all.map(({series}, i) => (
         points(series.plotted(begin_s - moves_s[i], end_s - moves_s[i]), (row) => row.time_s + moves_s[i], (row) => {
           const value = sent_values(row, quantity)?.[of], truth = row.truths[quantity.key]?.[of];
