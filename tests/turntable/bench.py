@@ -180,7 +180,8 @@ class Place:
         return times(transpose(self.dcm_PL), v_P)
 
 
-_folder = Path(tempfile.mkdtemp(prefix="turntable"))
+_scratch = tempfile.TemporaryDirectory(prefix="turntable")  # until the test ends
+_folder = Path(_scratch.name)
 
 
 def _write_truth(path):

@@ -386,8 +386,11 @@ def nos3_imu(hz):
 
 
 # --- A user's DBC file ---
+scratch = tempfile.TemporaryDirectory(prefix="turntable")  # until the test ends
+
+
 def dbc(hz):
-    path = pathlib.Path(tempfile.mkdtemp(prefix="turntable")) / "vehicle.dbc"
+    path = pathlib.Path(scratch.name) / "vehicle.dbc"
     path.write_text("""VERSION ""
 BU_: imu host
 BO_ 1536 Rates: 8 imu

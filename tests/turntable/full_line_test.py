@@ -17,7 +17,8 @@ from pathlib import Path
 
 imud, imu_truth = sys.argv[1:3]
 seconds = float(sys.argv[3]) if len(sys.argv) > 3 else 3.0
-folder = Path(tempfile.mkdtemp(prefix="full_line"))
+scratch = tempfile.TemporaryDirectory(prefix="full_line")  # until the test ends
+folder = Path(scratch.name)
 
 
 def crc_msb_first(data, width, polynomial, crc):
