@@ -16,7 +16,7 @@ namespace imud {
   vehicles_[(first_ + i) % capacity] = {truth.time, truth.vehicle};
 }
 
-// The time is after the newest truth, and not after the instant from which motion is held.
+// Requires a time after the newest truth, and not after the instant from which motion is held.
 PositionVelocity Timeline::extrapolate_position(TruthTime time) const noexcept {
   constexpr double greatest = 20;  // m/s^2
   const Knot& last = knot(count_ - 1);

@@ -37,7 +37,8 @@ double root_mean_square(const std::vector<double>& values) {
   return std::sqrt(sum / static_cast<double>(values.size()));
 }
 
-// The table: of each channel the errors' size, and how much of the run its error is within the envelope.
+// Prints for each channel the rms of its error and of its sigma, and the share of the samples whose error is within
+// one sigma of the mean error.
 void print_table(const RunErrors& run) {
   for (const auto& channel : run.channels) {
     const double factor = channel.is_rate() ? 1 / units::degree : 1000 / units::standard_gravity;

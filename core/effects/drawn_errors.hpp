@@ -18,8 +18,9 @@ ConstantErrors drawn_for_unit(const TriadErrors& errors, Quantity quantity, cons
 ConstantErrors drawn_at_power_on(const TriadErrors& errors, Quantity quantity, const Normals& normals,
                                  std::uint64_t number, std::span<const Cause> causes = {}) noexcept;
 
-// Returns the errors of a unit after that power on, with the random numbers of both layers. `turn_on_bias` is the
-// standard deviation of what TurnOnBias draws, without the causes' part.
+// Returns the errors of a unit after a power on: `errors`, and the draws for the unit and for this power on.
+// `turn_on_bias` of the result is the standard deviation of the part that TurnOnBias draws; the part of the causes is
+// drawn, and is in the bias.
 TriadErrors drawn_errors(const TriadErrors& errors, Quantity quantity, const Normals& of_unit,
                          const Normals& of_power_on, std::uint64_t number,
                          std::span<const Cause> causes = {}) noexcept;

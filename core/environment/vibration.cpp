@@ -109,7 +109,8 @@ void Vibration::continue_from(const Vibration& before) noexcept {
   rotor_hz_ = before.rotor_hz_;
 }
 
-// Returns the angle of a line at the end of a step, rad.
+// Returns the phase of a spectral line at the end of a step of `dt` seconds, rad. Advances the phase of a rotor's
+// harmonic.
 double Vibration::angle_of(Line& line, TruthTime time, double dt) noexcept {
   if (line.order == 0) {
     const std::uint64_t turns = line.turns_per_ns * static_cast<std::uint64_t>(time.ns);

@@ -93,7 +93,7 @@ class AttitudeFilter {
   Covariance P_ = Covariance::Zero();
   double manoeuvre2_ = 0;
   bool levels_ = true;
-  // In this period:
+  // Sums since the beginning of the present period:
   double time_s_ = 0;
   Matrix3 rotation_s_ = Matrix3::Zero();  // the integral of C
   double turns2_s_ = 0;                   // rad^2/s, the integral of the square of the rate

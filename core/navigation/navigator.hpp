@@ -40,7 +40,8 @@ class Navigator {
   // Fixes (aid::position), antennas, magnetic headings and heights can be withheld. The magnetic field is the one of
   // the samples (OwnSolution).
   void set_aids(const NavigationAids& aids) noexcept { aids_ = aids; }
-  // Takes the heading of the platform at the last sample. An alignment begins its window again, and ends with it.
+  // Takes the heading of the platform at the last sample. While the filter aligns, the alignment begins its window
+  // again, and ends with this heading. Later the filter turns to it at once, unless it is `only_in_alignment`.
   void give(const GivenHeading& heading) noexcept;
   // Replaces the solution of a sample. Its place is the receiver's fix, and its attitude the true one; both may have
   // been changed by faults. `time`: of the truth that it measured; `earth_angle`: PositionVelocity's.

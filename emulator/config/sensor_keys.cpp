@@ -221,7 +221,7 @@ void read_loads(TableReader table, std::string_view triad, ConstantErrors& loads
     }
   };
   for_each_constant(read_term, loads);
-  // Elements that are not drawn.
+  // Clears the loads of elements that are never drawn.
   loads.misalignment.diagonal().setZero();
   if (triad == "accelerometer")
     loads.vibration_rectification = Matrix3(loads.vibration_rectification.diagonal().asDiagonal());

@@ -61,7 +61,7 @@ std::optional<HostTime> Hosts::next_wake() const noexcept {
 }
 
 bool Hosts::wait(HostTime until, bool truth) noexcept {
-  // A wait must not return for truth for which there is no time or room now.
+  // While no truth can be taken, its arrival must not end the wait.
   host_.watch(0, engine_.intake().descriptor(), truth ? POLLIN : 0, false);
   ready_ = host_.wait_for_input(until);
   return std::ranges::any_of(ready_, [](const Host::Ready& one) { return one.input == 0; });

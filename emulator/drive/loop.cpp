@@ -276,7 +276,8 @@ void Loop::serve_all() noexcept {
   hosts_.serve_all(served_);
 }
 
-// So that the pacer maps the next sample's instant by the clock by which the grid has placed it.
+// Gives the pacer the difference of clocks by which the grid has placed the next sample, so that it maps the sample's
+// instant by the same difference.
 void Loop::set_ahead_of_next() noexcept {
   if (!schedule_.empty()) pacer_.set_ahead(epoch_.ahead(schedule_.next().imu));
 }

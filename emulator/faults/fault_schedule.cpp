@@ -101,7 +101,7 @@ bool FaultSchedule::begins(State& state, const Sample& sample, double time_s) no
   const FaultConfig& fault = *state.fault;
   if (!state.zero || state.is_ended || (fault.times > 0 && state.occurrence >= fault.times)) return false;
   if (fault.begin_sample && is_before(next_, *state.zero + *fault.begin_sample)) return false;
-  // All occurrences of a repeated fault have the begin that is drawn for the first.
+  // The begin of a repeated fault is drawn once, for its first occurrence. The others follow every `every_s` seconds.
   const std::uint64_t occurrence = state.occurrence;
   State first = state;
   first.occurrence = 0;

@@ -58,7 +58,8 @@ class OtherUnits final : public Device {
     std::unique_ptr<Device> device;
   };
   static std::vector<Other> others_of(std::span<const FaultConfig> faults, const ImuConfig& imu);
-  // Calls function(Device&, FrameBuffer&) for each unit, with `out` for the one that is selected.
+  // Calls function(Device&, FrameBuffer&) for each unit. The selected unit writes its frames to `out`; the frames of
+  // the others are discarded.
   template <class Function>
   void for_all(FrameBuffer& out, Function function) noexcept;
 

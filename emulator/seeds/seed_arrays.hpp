@@ -61,8 +61,8 @@ class SeedArrays {
     Rows(const SeedArrays& arrays, std::size_t imu, std::uint64_t seed_index, std::vector<MadeRow> made = {},
          std::vector<TrueRow> samples = {});
     std::unique_ptr<Port> port();
-    // Writes the last rows. Returns the shortfall, or a text of length 0. Throws std::runtime_error if the file
-    // cannot be written.
+    // Writes the rows that are left, and rows without values for measurements that are missing. Returns the
+    // shortfall; empty if there is none. Throws std::runtime_error if the file cannot be written.
     std::string finish();
 
    private:

@@ -15,7 +15,7 @@ namespace imud {
 // nanosecond, whichever truths a host has. No allocation. One thread.
 class TruthStamps {
  public:
-  // `clock`: whose stamps are used.
+  // `clock`: the clock whose stamps are used; with SharedClock::none no stamps are used.
   explicit TruthStamps(SharedClock clock) noexcept : clock_(clock) {}
 
   enum class Result : std::uint8_t {

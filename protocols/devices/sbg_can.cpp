@@ -44,8 +44,8 @@ double clock_status(const Reading& reading) noexcept {
   const unsigned clock = reading.sample.fix().is_known ? 1U | 3U << 1 | 1U << 5 : 1U << 1;
   return clock | (reading.sample.timed().is_known ? 2U << 6 : 0U);
 }
-// AIDING_STATUS, the data that arrive: bits 0, 1 and 3 position, velocity and UTC of the receiver, 2 the heading of
-// its antennas, 8 the magnetometer, 13 the barometer.
+// AIDING_STATUS has a bit for each kind of data that arrives: position (bit 0), velocity (1) and UTC (3) of the
+// receiver, the heading of two antennas (2), the magnetometer (8), the barometer (13).
 double aiding_status(const Reading& reading) noexcept {
   const Sample& sample = reading.sample;
   const bool has_antennas =

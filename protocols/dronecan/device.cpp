@@ -170,7 +170,8 @@ class DroneCanDevice final : public Device {
     if (served == Served::restart) power_on(now);
   }
 
-  // Counts a message, or one that is too short. Returns true if there is one that is long enough.
+  // Counts a message as received, and as refused if it is shorter than `size`. Returns true if there is a message,
+  // and it is long enough.
   bool is_long_enough(const std::optional<std::span<const std::byte>>& message, std::size_t size) noexcept {
     if (!message) return false;
     ++node_.statistics.transfers_received;

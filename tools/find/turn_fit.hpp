@@ -28,7 +28,8 @@ struct GravityFit {
   std::vector<Vector3> up;  // the direction in each block while turned
 };
 
-// Returns nullopt if the vector is no specific force: its norm does not stay, or its direction does.
+// Returns nullopt if the vector is no specific force, because its norm is not constant, or its direction does not
+// change in the turns; also if there are no frames at rest, or none in turns.
 std::optional<GravityFit> fit_gravity(const HandledFrames& frames, const VectorPlace& place);
 
 // Returns for each component of `one` the component of `other` along it, and whether it is its negative; nullopt if

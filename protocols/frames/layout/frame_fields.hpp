@@ -49,8 +49,8 @@ class FrameReceiver {
 class FieldDecoder {
  public:
   virtual std::span<const FrameKind> frame_kinds() const noexcept = 0;
-  // Passes each frame that is decoded from now on to `receiver`, also where its sample remains incomplete; nullptr:
-  // to none. `receiver` must outlive the calls of the decoder.
+  // Passes each frame that is decoded from now on to `receiver`, even if other frames of its sample are missing. With
+  // nullptr frames are passed to nobody. `receiver` must exist as long as the decoder is called.
   virtual void pass_frames_to(FrameReceiver* receiver) noexcept = 0;
   // Reads the fields of a frame that is passed. `values`: one for each name of its kind.
   virtual void read_fields(const DecodedFrame& frame, std::span<FieldValue> values) const noexcept = 0;
