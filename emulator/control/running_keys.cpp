@@ -140,24 +140,24 @@ std::uint16_t imu_of(std::string_view& rest, const Config& config) {
   throw wrong_params(fmt::format("there is no such imu; there are {}", fmt::join(names_of(config.imus), ", ")));
 }
 
-void add_paths(const toml::table& table, const std::string& before, std::vector<std::string>& paths) {
+void add_key_paths(const toml::table& table, const std::string& before, std::vector<std::string>& key_paths) {
   for (const auto& [key, value] : table) {
     const std::string path = before + std::string(key.str());
-    paths.push_back(path);
-    if (const toml::table* below = value.as_table()) add_paths(*below, path + ".", paths);
+    key_paths.push_back(path);
+    if (const toml::table* below = value.as_table()) add_key_paths(*below, path + ".", key_paths);
   }
 }
 
 // Returns the keys of the configuration, or of its imus if `of_imu`, and all keys that can change.
 std::vector<std::string> keys_of(bool of_imu, const Config& config) {
-  std::vector<std::string> paths;
+  std::vector<std::string> key_paths;
   for (const RunningKey& key : entries)
-    if (key.of_imu == of_imu) paths.emplace_back(key.key);
+    if (key.of_imu == of_imu) key_paths.emplace_back(key.key);
   const toml::table root = toml::parse(config.resolved());
-  if (!of_imu) add_paths(root, "", paths);
+  if (!of_imu) add_key_paths(root, "", key_paths);
   if (const toml::array* imus = root["imu"].as_array(); of_imu && imus != nullptr)
-    for (const toml::node& imu : *imus) add_paths(*imu.as_table(), "", paths);
-  return paths;
+    for (const toml::node& imu : *imus) add_key_paths(*imu.as_table(), "", key_paths);
+  return key_paths;
 }
 
 bool is_configured(bool of_imu, std::string_view key, const Config& config) {
