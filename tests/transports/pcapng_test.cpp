@@ -1,4 +1,5 @@
 // The writer's and the reader's blocks, and any other bytes.
+#include <fcntl.h>
 #include <gtest/gtest.h>
 #include <sys/mman.h>
 #include <unistd.h>
@@ -7,6 +8,7 @@
 #include <random>
 #include <string>
 
+#include "transports/capture/pcapng_merge.hpp"
 #include "transports/capture/pcapng_reader.hpp"
 #include "transports/capture/record_packet.hpp"
 #include "transports/port.hpp"
@@ -203,6 +205,49 @@ TEST(Pcapng, PacketsThatAreTooLongAreSkippedAndCounted) {
   EXPECT_EQ(reader.next().value().bytes.size(), 3U);
   EXPECT_FALSE(reader.next());
   EXPECT_EQ(reader.skipped(), 2U);
+}
+
+// The second section of the first file, as of a record in several files, has one interface more.
+TEST(Pcapng, MergesFilesByTime) {
+  std::vector<std::byte> first, second;
+  append_section(first, "test");
+  append_interface(first, {link_type::event, "imud"});
+  append_interface(first, {link_type::bytes, "imu1"});
+  append_packet(first, {1, 10, PacketDirection::outbound, pcapng_bytes("a")});
+  append_packet(first, {0, 30, PacketDirection::unknown, pcapng_bytes("b")});
+  append_section(first, "test");
+  append_interface(first, {link_type::event, "imud"});
+  append_interface(first, {link_type::bytes, "imu1"});
+  append_interface(first, {link_type::bytes, "imu2"});
+  append_packet(first, {0, 25, PacketDirection::unknown, pcapng_bytes("c")});
+  append_packet(first, {2, 40, PacketDirection::inbound, pcapng_bytes("d")});
+  append_section(second, "test");
+  append_interface(second, {link_type::event, "imud"});
+  append_packet(second, {0, 10, PacketDirection::unknown, pcapng_bytes("e")});
+  append_packet(second, {0, 26, PacketDirection::unknown, pcapng_bytes("f")});
+  append_packet(second, {0, 40, PacketDirection::unknown, pcapng_bytes("g")});
+  second.resize(second.size() - 4);
+  const PcapngMemory one(first), other(second), merged({});
+  std::vector<MergedCapture> captures = {{one.path(), "x/", 0, {}}, {other.path(), "y/", 0, {}}};
+  const FileDescriptor out(::open(merged.path().c_str(), O_RDWR | O_CLOEXEC));
+  const std::atomic<bool> stop = false;
+  ASSERT_EQ(merge_pcapng(captures, out.get(), "test", stop), 0);
+  PcapngReader reader(merged.spec());
+  std::string all;
+  while (const auto packet = reader.next()) {
+    const PcapngInterface& interface = reader.interfaces()[packet->interface];
+    all += interface.name + ' ' + std::to_string(packet->time_ns) + ' ' +
+           std::string(reinterpret_cast<const char*>(packet->bytes.data()), packet->bytes.size()) + '\n';
+    EXPECT_EQ(interface.link_type, interface.name.ends_with("imud") ? link_type::event : link_type::bytes);
+    EXPECT_EQ(packet->direction == PacketDirection::inbound, packet->bytes[0] == std::byte{'d'});
+  }
+  // Of equal times the first file's comes first; a file's packets stay in their order.
+  EXPECT_EQ(all, "x/imu1 10 a\ny/imud 10 e\ny/imud 26 f\nx/imud 30 b\nx/imud 25 c\nx/imu2 40 d\n");
+  EXPECT_EQ(captures[0].packets, 4U);
+  EXPECT_EQ(captures[0].end_warning, "");
+  EXPECT_EQ(captures[1].packets, 2U);
+  EXPECT_NE(captures[1].end_warning, "") << "its last block is cut short";
+  EXPECT_EQ(merge_pcapng(captures, -1, "test", stop), EBADF);
 }
 
 TEST(Pcapng, RefusesWhatIsNone) {
