@@ -24,7 +24,8 @@ PORTS_GIVEN = {("emulator/commands/selftest.cpp", "pty:imu"), ("emulator/command
                ("tools/imu_truth.cpp", "udp:127.0.0.1:9810"),
                ("tools/lockstep_client.hpp", "udp:"),
                # The noun, not the transport.
-               ("emulator/report/outcome.cpp", "record"), ("emulator/report/summary.cpp", "record"), ("tools/stream_report.cpp", "record")}
+               ("emulator/rack/rack_commands.cpp", "record"), ("emulator/report/outcome.cpp", "record"),
+               ("emulator/report/summary.cpp", "record"), ("tools/stream_report.cpp", "record")}
 TOP_LEVEL = {"CMakeLists.txt", "CMakePresets.json", "LICENSE", "README.md", "core", "emulator", "protocols", "tests",
              "tools", "transports", "build"}
 

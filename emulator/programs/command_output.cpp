@@ -72,13 +72,14 @@ int spawn(pid_t& process, const std::vector<std::string>& words, int input, int 
   return error;
 }
 
-// Appends what there is now; closes the descriptor at the end.
-void take_output(FileDescriptor& from, std::string& text) {
+// Passes on what there is now; closes the descriptor at the end.
+template <class Receive>
+void take_output(FileDescriptor& from, const Receive& receive) {
   std::array<char, 65536> part;
   while (from) {
     const ssize_t size = ::read(from.get(), part.data(), part.size());
     if (size > 0)
-      text.append(part.data(), static_cast<std::size_t>(size));
+      receive(std::string_view(part.data(), static_cast<std::size_t>(size)));
     else if (size < 0 && errno == EINTR)
       continue;
     else if (size < 0 && errno == EAGAIN)
@@ -90,7 +91,7 @@ void take_output(FileDescriptor& from, std::string& text) {
 
 class RunningProgram {
  public:
-  explicit RunningProgram(const ProgramCall& call) : rest_(call.input) {
+  explicit RunningProgram(const ProgramCall& call) : call_(&call), rest_(call.input) {
     Ends output = output_pipe(), errors = output_pipe(), input;
     if (!rest_.empty()) input = input_socket();
     if (const int error = spawn(process_, call.words, input.of_program ? input.of_program.get() : -1,
@@ -126,8 +127,14 @@ class RunningProgram {
     }
     int status = 0;
     const pid_t ended = ::waitpid(process_, &status, WNOHANG);
-    take_output(output_, result.output);  // after waitpid(): what an ended program has written is there
-    take_output(errors_, result.errors);
+    // After waitpid(): what an ended program has written is there.
+    take_output(output_, [this](std::string_view text) {
+      if (call_->receive)
+        call_->receive(text);
+      else
+        result.output.append(text);
+    });
+    take_output(errors_, [this](std::string_view text) { result.errors.append(text); });
     if (ended != process_) return;
     result.exit_code = WIFSIGNALED(status) ? 128 + WTERMSIG(status) : WEXITSTATUS(status);
     process_ = 0;
@@ -139,6 +146,7 @@ class RunningProgram {
   CommandOutput result;
 
  private:
+  const ProgramCall* call_;
   std::string_view rest_;  // of the input
   FileDescriptor input_, output_, errors_;
   pid_t process_ = 0;  // 0: it does not run

@@ -2,9 +2,11 @@
 #pragma once
 
 #include <atomic>
+#include <functional>
 #include <optional>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "core/time.hpp"
@@ -26,6 +28,8 @@ CommandOutput run_command(const std::vector<std::string>& words, const std::atom
 struct ProgramCall {
   std::vector<std::string> words;
   std::string input;  // its whole standard input
+  // Receives the standard output piece by piece, instead of CommandOutput::output. Empty: it is kept.
+  std::function<void(std::string_view)> receive = nullptr;
 };
 
 // Runs all at the same time, each as above, and returns their outputs in the same order. Programs that still run

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <atomic>
+#include <functional>
 #include <map>
 #include <span>
 #include <string>
@@ -35,5 +36,16 @@ std::string systemctl(const RackHost& host);
 // its options from ssh_config(5).
 std::vector<HostAnswer> run_on_hosts(std::span<const RackHost> hosts, std::span<const std::string> scripts,
                                      Nanoseconds limit, const std::atomic<bool>& stop);
+
+// A script whose output is bytes, and what receives them piece by piece.
+struct Download {
+  const RackHost* host = nullptr;
+  std::string script;
+  std::function<void(std::string_view)> receive;
+};
+// Executes the scripts as run_on_hosts() does, however long that takes; ssh ends if its host has been silent for
+// `limit`. Returns for each why its bytes are not whole; empty if they are.
+std::vector<std::string> download(std::span<const Download> downloads, Nanoseconds limit,
+                                  const std::atomic<bool>& stop);
 
 }  // namespace imud

@@ -4,6 +4,7 @@
 
 #include "emulator/rack/rack_check.hpp"
 #include "emulator/rack/rack_page.hpp"
+#include "emulator/rack/rack_record.hpp"
 #include "emulator/rack/rack_service.hpp"
 #include "emulator/rack/rack_status.hpp"
 
@@ -32,6 +33,12 @@ RackCommands::RackCommands(CLI::App& app, bool is_given) {
   CLI::App* stop = add("stop", "Stop the runs of a rack on all hosts");
   stop->footer(exit_codes);
   stop_ = stop;
+  CLI::App* record = add("record", "Merge the records of a rack's runs by time to one");
+  record->add_option("FILE", output_, "File of the merged record, pcapng")->required();
+  record->footer(
+      "Exit codes: 0 the records of all runs are in it; 1 none is, or it was not written; 2 the rack is wrong; 3 a "
+      "record is missing or damaged.");
+  record_ = record;
 }
 
 std::optional<int> RackCommands::execute() const {
@@ -41,6 +48,7 @@ std::optional<int> RackCommands::execute() const {
     return options_.has_page() ? serve_rack(file_, options_.web) : show_rack_status(file_, options_.json);
   if (start_->parsed()) return rack_start(file_);
   if (stop_->parsed()) return rack_stop(file_);
+  if (record_->parsed()) return rack_record(file_, output_);
   return std::nullopt;
 }
 

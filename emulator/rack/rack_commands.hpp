@@ -17,9 +17,9 @@ class RackCommands {
   std::optional<int> execute() const;
 
  private:
-  std::string file_;
+  std::string file_, output_;
   StatusPageOptions options_;  // of `status`
-  const CLI::App *check_ = nullptr, *status_ = nullptr, *start_ = nullptr, *stop_ = nullptr;
+  const CLI::App *check_ = nullptr, *status_ = nullptr, *start_ = nullptr, *stop_ = nullptr, *record_ = nullptr;
 };
 
 }  // namespace imud

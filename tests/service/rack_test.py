@@ -4,6 +4,7 @@ systemctl(1) are stand-ins, which execute what they are given on this machine, i
 
 usage: rack_test.py BUILD_FOLDER SOURCE_FOLDER
 """
+import heapq
 import json
 import os
 import pathlib
@@ -14,26 +15,41 @@ import tempfile
 import time
 import unittest
 
-BUILD, _ = (pathlib.Path(argument).resolve() for argument in (sys.argv.pop(1), sys.argv.pop(1)))
+BUILD, SOURCE = (pathlib.Path(argument).resolve() for argument in (sys.argv.pop(1), sys.argv.pop(1)))
+sys.path.insert(0, str(SOURCE / "tools/python"))
+from imud.record import load_record  # noqa: E402
+
 IMUD = str(BUILD / "imud")
 LIMIT_S = 300  # only a failing test waits for it
 
 # Without a question, and with the host's name behind --, where it cannot be an option.
 SSH = """#!/bin/sh
-[ "$1 $2" = "-o BatchMode=yes" ] && [ "$3" = -o ] && [ "$5" = -- ] && [ $# = 7 ] || { echo "ssh: $*" >&2; exit 99; }
-host=$6
+[ "$1 $2" = "-o BatchMode=yes" ] && [ "$3" = -o ] || { echo "ssh: $*" >&2; exit 99; }
+shift 4
+case "$1 $2 $3 $4" in "-o ServerAliveInterval="*" -o ServerAliveCountMax=3") shift 4 ;; esac
+[ "$1" = -- ] && [ $# = 3 ] || { echo "ssh: $*" >&2; exit 99; }
+host=$2
 if [ "$host" = gone ]; then echo 'ssh: connect to host gone port 22: Connection refused' >&2; exit 255; fi
 if [ "$host" = hangs ]; then exec sleep 1000; fi
 echo 'Welcome, and imud-rack is no part of this greeting'
-cd / && exec env -i HOME=@FOLDER@/$host XDG_RUNTIME_DIR=@FOLDER@/$host PATH=@FOLDER@/$host/bin:/usr/bin:/bin sh -c "$7"
+cd / && exec env -i HOME=@FOLDER@/$host XDG_RUNTIME_DIR=@FOLDER@/$host PATH=@FOLDER@/$host/bin:/usr/bin:/bin sh -c "$3"
 """
 
 # Has the commands of systemctl that the rack uses. A unit whose name is in `refused` does not start.
 SYSTEMCTL = """#!/usr/bin/python3
 import os, pathlib, signal, subprocess, sys, time
 host = pathlib.Path(os.environ["XDG_RUNTIME_DIR"])
-user, action, *units = [word for word in sys.argv[1:] if word not in ("--quiet", "--no-pager", "--lines=5")]
+user, action, *units = [word for word in sys.argv[1:] if word not in ("--quiet", "--no-pager", "--lines=5", "--property=ExecStart", "--value")]
 assert user == "--user" and units, sys.argv
+
+def command(unit):
+    name = unit.removeprefix("imud@")
+    words = ["imud", "run", f"{os.environ['HOME']}/.config/imud/{name}.toml", "--set", f"control.name={name}"]
+    return words if (host / "unrecorded").exists() else words + ["--record", f"{name}.pcapng"]
+
+def show(unit):
+    print(f"{{ path=/usr/bin/imud ; argv[]={' '.join(command(unit))} ; ignore_errors=no ; start_time=[n/a] ; stop_time=[n/a] ; pid=0 }}")
+    return True
 
 def process(unit):
     try:
@@ -49,12 +65,10 @@ def start(unit):
     if (host / "refused").exists() and unit in (host / "refused").read_text():
         print(f"Job for {unit}.service failed because the control process exited with error code.", file=sys.stderr)
         return False
-    name = unit.removeprefix("imud@")
     read, write = os.pipe()
     with open(host / f"{unit}.log", "a") as log:
-        run = subprocess.Popen(["imud", "run", f"{os.environ['HOME']}/.config/imud/{name}.toml", "--set", f"control.name={name}",
-                                "--ready-fd", str(write)], pass_fds=[write], stdin=subprocess.DEVNULL, stdout=log, stderr=log,
-                               start_new_session=True)
+        run = subprocess.Popen(command(unit) + ["--ready-fd", str(write)], pass_fds=[write], stdin=subprocess.DEVNULL, stdout=log,
+                               stderr=log, cwd=os.environ["HOME"], start_new_session=True)
     os.close(write)
     (host / f"{unit}.pid").write_text(str(run.pid))
     return os.read(read, 6) == b"ready\\n"
@@ -75,7 +89,7 @@ def status(unit):
     print(f"{unit}.service: status of the stand-in")
     return False
 
-done = [{"start": start, "stop": stop, "is-active": is_active, "status": status}[action](unit) for unit in units]
+done = [{"start": start, "stop": stop, "is-active": is_active, "status": status, "show": show}[action](unit) for unit in units]
 sys.exit(0 if all(done) else 1)
 """
 
@@ -268,6 +282,51 @@ class RackTest(unittest.TestCase):
         (self.folder / "b/refused").unlink()
         self.assertEqual(self.imud("start", self.rack)[0], 0)
         self.assertEqual(self.imud("stop", self.rack)[0], 0)
+
+    def test_the_records_are_merged_by_time(self):
+        self.assertEqual(self.imud("start", self.rack)[0], 0)
+        deadline = time.monotonic() + LIMIT_S
+        while not all(imu["samples"] > 50 for host in self.status()[2]["hosts"] for run in host["runs"] for imu in run["imus"]):
+            self.assertLess(time.monotonic(), deadline)
+        self.assertEqual(self.imud("stop", self.rack)[0], 0)
+        runs = ("a", "nose"), ("a", "tail"), ("b", "wing"), ("c", "fin")
+        records = {f"{host}/{run}/": load_record(self.folder / host / f"{run}.pcapng") for host, run in runs}
+        code, out, errors = self.imud("record", self.rack, "all.pcapng")
+        self.assertEqual((code, errors), (0, ""))
+        self.assertEqual(out, "".join(f"{host}: merged imud@{run}, {len(records[f'{host}/{run}/'].packets)} packets of {run}.pcapng\n"
+                                      for host, run in runs))
+        merged = load_record(self.folder / "all.pcapng")
+        self.assertEqual([one.name for one in merged.interfaces],
+                         [prefix + one.name for prefix, record in records.items() for one in record.interfaces])
+        # The next one is the earliest of the packets that are next in the records, and of equal ones of the first record.
+        expected = heapq.merge(*([(packet.time_ns, prefix + packet.interface.name, packet.data) for packet in record.packets]
+                                 for prefix, record in records.items()), key=lambda packet: packet[0])
+        self.assertEqual([(packet.time_ns, packet.interface.name, packet.data) for packet in merged.packets], list(expected))
+        self.assertGreater(len(merged.packets), 400)
+
+        # A host that is not reached, a run that is not recorded, and a record that is cut short or is none.
+        before = (self.folder / "all.pcapng").read_bytes()
+        wing = self.folder / "b/wing.pcapng"
+        wing.write_bytes(wing.read_bytes()[:-7])
+        (self.folder / "a/tail.pcapng").write_text("no record")
+        (self.folder / "c/unrecorded").touch()
+        rack = self.write_rack("partly", a=["nose", "tail"], b=["wing"], c=["fin"], gone=["rear"])
+        code, out, errors = self.imud("record", rack, "some.pcapng")
+        self.assertEqual((code, errors), (3, ""))
+        lines = out.splitlines()
+        self.assertRegex(lines[0], r"^a: merged imud@nose, \d+ packets of nose.pcapng$")
+        self.assertEqual(lines[1], "a: NOT merged imud@tail: tail.pcapng is no record (pcapng)")
+        self.assertRegex(lines[2], r"^b: merged imud@wing, \d+ packets of wing.pcapng: .*cut")
+        self.assertEqual(lines[3], "c: NOT merged imud@fin: its unit has no --record FILE; give it one by `systemctl --user edit "
+                                   "imud@.service` there")
+        self.assertEqual(lines[4], "gone: NOT merged imud@rear: not reached: ssh: connect to host gone port 22: Connection refused; "
+                                   "`ssh gone` must log in without a question")
+        prefixes = {one.name.rpartition("/")[0] for one in load_record(self.folder / "some.pcapng").interfaces}
+        self.assertEqual(prefixes, {"a/nose", "b/wing"})
+        code, out, errors = self.imud("record", self.write_rack("none", c=["fin"]), "all.pcapng")
+        self.assertEqual((code, errors), (1, "there is no record; all.pcapng was not written\n"))
+        self.assertEqual((self.folder / "all.pcapng").read_bytes(), before)
+        self.assertEqual([path.name for path in self.folder.iterdir() if "incomplete" in path.name or path.name.startswith(".")], [])
 
 
 if __name__ == "__main__":

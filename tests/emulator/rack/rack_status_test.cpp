@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "emulator/rack/host_scripts.hpp"
+#include "emulator/rack/rack_record.hpp"
 
 namespace imud {
 namespace {
@@ -114,6 +115,24 @@ TEST(RackStatus, SaysWhatDiffers) {
   run["counters"]["imus"][0].erase("first_k");
   EXPECT_EQ(remarks_of(nose, host_answer_with(run)),
             Texts{"epochs differ: none (imud@tail on bench2), tai (imud@nose on bench1); the runs are not in phase"});
+}
+
+// As systemctl 252 shows the property.
+TEST(RackRecord, IsWhereTheUnitRecords) {
+  const auto record = [](const std::string& words) {
+    return unit_record(
+        "{ path=/usr/bin/imud ; argv[]=imud run /etc/imud/nose.toml --set control.name=nose " + words +
+        " ; ignore_errors=no ; start_time=[n/a] ; stop_time=[n/a] ; pid=0 ; code=(null) ; status=0/0 }");
+  };
+  EXPECT_EQ(record("").file, "");
+  EXPECT_EQ(record("--quality /var/lib/imud/nose.jsonl").file, "");
+  EXPECT_EQ(record("--record /var/lib/imud/nose.pcapng").file, "/var/lib/imud/nose.pcapng");
+  EXPECT_FALSE(record("--record /var/lib/imud/nose.pcapng").is_split);
+  EXPECT_EQ(record("--record=a=b.pcapng -q").file, "a=b.pcapng");
+  EXPECT_EQ(record("--record -").file, "") << "the journal has it";
+  EXPECT_TRUE(record("--record a.pcapng --record-max-mb 100 --record-files 5").is_split);
+  EXPECT_TRUE(record("--record-max-mb=100 --record a.pcapng").is_split);
+  EXPECT_EQ(unit_record("").file, "") << "there is no such unit";
 }
 
 }  // namespace
