@@ -151,6 +151,7 @@ skip_after_ms = 3600000
 [[imu]]
 name = "imu1"
 rate_hz = {rate_hz}
+phase_us = {phase_us}
 protocol = "csv"
 port = "file:{folder}/{name}.csv"
 gyro.max_rad_per_s = 100
@@ -159,12 +160,13 @@ accelerometer.max_m_per_s2 = 1000
 
 
 class Rack:
-    """`count` hosts, of which none runs imud yet. Throws Missing."""
+    """`count` hosts, of which none runs imud yet. Throws Missing. `phases_us`: of their grids, by number; the others have 0."""
 
-    def __init__(self, build, source, folder, count=8, realtime="priority = 0\nlock_memory = false"):
+    def __init__(self, build, source, folder, count=8, realtime="priority = 0\nlock_memory = false", phases_us={}):
         if os.geteuid() != 0 or not shutil.which("ip"):
             raise Missing("needs root, and ip (iproute2)")
         self._imud, self._tools, self._realtime = str(build / "imud"), str(source / "tools"), realtime
+        self._phases_us = phases_us
         self.folder, self.imuds, self._processes = pathlib.Path(folder), {}, []
         self._network = Namespace()
         self.hosts = [Namespace() for _ in range(count)]
@@ -190,7 +192,7 @@ class Rack:
         """Starts imud on a host, and waits until it is ready."""
         name = f"host{number}"
         self.file(number, "toml").write_text(CONFIGURATION.format(
-            port=PORT, delay_ms=DELAY_MS, rate_hz=RATE_HZ, realtime=self._realtime, folder=self.folder, name=name))
+            port=PORT, delay_ms=DELAY_MS, rate_hz=RATE_HZ, phase_us=self._phases_us.get(number, 0), realtime=self._realtime, folder=self.folder, name=name))
         read, write = os.pipe()
         with open(self.file(number, "log"), "wb") as log:
             imud = self.hosts[number].popen(
