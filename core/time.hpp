@@ -54,7 +54,7 @@ class Grid {
                                          clock_error_ppm * 1e3 + (clock_error_ppm < 0 ? -0.5 : 0.5)))),
         phase_(phase) {}
 
-  // Returns the true time from the start to instant k, for k < 1e13 (30 years at 10 kHz).
+  // Returns the true time from the start to instant k, for every instant within 292 years (k up to 9.2e13 at 10 kHz).
   constexpr Nanoseconds offset(std::uint64_t k) const { return phase_ + steps(k, clock_rate_); }
   // Returns the same time as the clock counts it: nominal, without the clock's error.
   constexpr Nanoseconds nominal_offset(std::uint64_t k) const { return phase_ + steps(k, 1'000'000'000U); }
