@@ -89,10 +89,11 @@ std::optional<std::uint64_t> find_count(const ClockFigures& clock, std::string_v
   return std::nullopt;
 }
 
-ClockWatch::ClockWatch(const RealtimeConfig& config, const ClockCounters* counters) : counters_(counters) {
+ClockWatch::ClockWatch(const RealtimeConfig& config, const ClockCounters* counters, std::function<ClockState()> read)
+    : counters_(counters), read_(std::move(read)) {
   figures_.epoch = config.epoch;
   if (counters_ == nullptr || config.epoch == Epoch::monotonic) return;
-  figures_.state = read_clock_state();
+  figures_.state = read_();
 }
 
 void ClockWatch::update(HostTime now) {
@@ -103,16 +104,27 @@ void ClockWatch::update(HostTime now) {
         "the clock of realtime.epoch was set, the last time by {:+.6f} s: the samples go on at the nearest "
         "instants of their grids",
         counters_->last_step.load());
-  if (!figures_.state || now < next_) return;
+  if (!figures_.state) return;
+  // Until the next reading the state is taken to be the last one read.
+  if (last_ && !figures_.state->is_synchronised) unsynchronised_ += now - *last_;
+  last_ = now;
+  count_unsynchronised();
+  if (now < next_) return;
   next_ = now + std::chrono::seconds(1);
   const bool was_synchronised = figures_.state->is_synchronised;
-  figures_.state = read_clock_state();
+  figures_.state = read_();
   if (was_synchronised != figures_.state->is_synchronised)
     spdlog::log(was_synchronised ? spdlog::level::warn : spdlog::level::info,
                 "the clock of realtime.epoch is {} synchronised", was_synchronised ? "no longer" : "now");
-  if (!figures_.state->is_synchronised) ++figures_.unsynchronised_s;
+  count_unsynchronised();
   figures_.largest_error_us = std::max(
       figures_.largest_error_us, static_cast<std::uint64_t>(std::max(std::int64_t{0}, figures_.state->error_us)));
+}
+
+void ClockWatch::count_unsynchronised() noexcept {
+  const auto whole = static_cast<std::uint64_t>(std::chrono::ceil<std::chrono::seconds>(unsynchronised_).count());
+  const std::uint64_t least = figures_.state->is_synchronised ? 0 : 1;
+  figures_.unsynchronised_s = std::max({figures_.unsynchronised_s, whole, least});
 }
 
 std::optional<ClockFigures> ClockWatch::figures() const {

@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <string>
@@ -32,7 +33,8 @@ struct ClockFigures {
   Epoch epoch = Epoch::none;
   Snapshot<ClockCounters> counters;
   std::optional<ClockState> state;  // of now; nullopt for Epoch::monotonic, which needs no synchronisation
-  // The greatest estimated error of the run, and the seconds in which the clock was not known to be synchronised.
+  // The greatest estimated error of the run, and the seconds in which the clock was not known to be synchronised, of
+  // which a part counts as a whole one.
   std::uint64_t largest_error_us = 0, unsynchronised_s = 0;
 };
 // Returns "clock error 12 us", or "clock not synchronised"; empty without a state.
@@ -50,14 +52,20 @@ std::optional<std::uint64_t> find_count(const ClockFigures& clock, std::string_v
 // Reads the state once a second, and logs its changes and the steps of the clock. One thread.
 class ClockWatch {
  public:
-  // `counters`: nullptr: the grids have no epoch, and there is nothing to watch.
-  ClockWatch(const RealtimeConfig& config, const ClockCounters* counters);
+  // `counters`: nullptr: the grids have no epoch, and there is nothing to watch. `read`: reads the state.
+  ClockWatch(const RealtimeConfig& config, const ClockCounters* counters,
+             std::function<ClockState()> read = read_clock_state);
   void update(HostTime now);
   std::optional<ClockFigures> figures() const;
 
  private:
+  void count_unsynchronised() noexcept;
+
   const ClockCounters* const counters_;
+  const std::function<ClockState()> read_;
   ClockFigures figures_;
+  std::optional<HostTime> last_;  // update
+  Nanoseconds unsynchronised_{0};
   HostTime next_;
   std::uint64_t steps_ = 0;  // as logged
 };

@@ -81,6 +81,47 @@ TEST(ClockWatch, TheSummaryReportsTheClock) {
   EXPECT_TRUE(contains(text(summary), "clock    monotonic, 2 steps\n")) << text(summary);
 }
 
+// The clock is not synchronised from 10 s to 20 s of a minute.
+TEST(ClockWatch, CountsSecondsHoweverOftenItReads) {
+  RealtimeConfig config;
+  config.epoch = Epoch::tai;
+  const ClockCounters counters;
+  for (const std::int64_t interval_ms : {10, 100, 1'000, 2'500}) {
+    constexpr std::int64_t begin_s = 1'000'000;
+    HostTime now{};
+    ClockWatch watch(config, &counters, [&] {
+      const double since_s = seconds(now - HostTime{}) - begin_s;
+      ClockState state = synchronised;
+      state.is_synchronised = since_s < 10 || since_s >= 20;
+      return state;
+    });
+    const auto unsynchronised_s = [&] { return watch.figures().value().unsynchronised_s; };
+    for (std::int64_t ms = 0; ms <= 60'000; ms += interval_ms) {
+      now = HostTime{} + std::chrono::seconds(begin_s) + std::chrono::milliseconds(ms);
+      watch.update(now);
+      if (ms < 10'000) {
+        ASSERT_EQ(unsynchronised_s(), 0U) << ms;
+      }
+      // The state is read once a second, so each change is found up to a second late, or at the next update.
+      if (ms == 15'000) {
+        EXPECT_NEAR(static_cast<double>(unsynchronised_s()), 5, 1) << interval_ms;
+      }
+    }
+    EXPECT_NEAR(static_cast<double>(unsynchronised_s()), 10, 1) << interval_ms;
+  }
+}
+
+// A run may be shorter than a second.
+TEST(ClockWatch, OneReadingThatIsNotSynchronisedIsNotZero) {
+  RealtimeConfig config;
+  config.epoch = Epoch::utc;
+  const ClockCounters counters;
+  ClockWatch watch(config, &counters, [] { return ClockState{}; });
+  watch.update(HostTime{5'000'000'000});
+  watch.update(HostTime{5'000'000'001});
+  EXPECT_EQ(watch.figures().value().unsynchronised_s, 1U);
+}
+
 // The kernel does not give its state, and the run was allowed nevertheless.
 TEST(ClockWatch, AnErrorThatIsNotKnownIsNotZero) {
   Config config;

@@ -109,8 +109,11 @@ TEST_F(EpochRunTest, AClockThatIsNotSynchronisedIsRefusedUnlessItIsAllowed) {
   RealtimeConfig realtime;
   realtime.epoch = Epoch::utc;
   const bool is_refused = !epoch_fault(realtime, read_clock_state()).empty();
+  // A clock that is not synchronised is not for 4 s, of which a busy machine may miss the first.
+  const std::string limit =
+      fmt::format("clock.unsynchronised_s{}", read_clock_state().is_synchronised ? "=0" : ">=3");
   const std::vector<std::string> run = {"run",       at_rest("utc", "utc"), "--for",     "4",
-                                        "--summary", path("utc.json"),      "--require", "clock.unsynchronised_s>=0"};
+                                        "--summary", path("utc.json"),      "--require", limit};
   if (is_refused) {
     const ProgramResult refused = run_program("imud", run);
     EXPECT_EQ(refused.exit_code, 2);
