@@ -38,7 +38,7 @@ struct Options {
   std::string capture;
   std::vector<std::string> settings;  // of the capture's truth format
   std::string to = "udp:127.0.0.1:9810";
-  std::string csv_path;
+  std::string csv_path, stamp;
   std::string format = "native";
   MotionTruths::Options motion;
   DatagramSender::Options sender;
@@ -90,7 +90,7 @@ void check(const CLI::App& app, Options& options) {
   if (is_capture) {
     if (options.capture.empty())
       throw std::invalid_argument("capture: no file is given; right would be capture FILE.pcap?port=N");
-    refuse_unused(app, "a capture is sent as it is", {"--rate", "--start", "--no-new-run", "--lockstep"});
+    refuse_unused(app, "a capture is sent as it is", {"--rate", "--start", "--no-new-run", "--lockstep", "--stamp"});
     if (options.csv_path.empty())
       refuse_unused(app, "a capture is sent as it is", {"--stream", "--format", "--set"});
     else
@@ -115,18 +115,20 @@ void check(const CLI::App& app, Options& options) {
   if (!options.csv_path.empty())
     refuse_unused(app, "not with --csv, which sends nothing",
                   {"--to", "--fast", "--lockstep", "--no-new-run", "--drop", "--duplicate", "--reorder", "--jitter",
-                   "--corrupt"});
+                   "--corrupt", "--stamp"});
   if (!options.csv_path.empty() && !is_capture)
     refuse_unused(app, "not with --csv, which sends nothing", {"--format", "--stream"});
   if (options.lockstep) {
-    refuse_unused(app, "not in lockstep, where each datagram waits for the answer to the one before", {"--reorder"});
+    refuse_unused(app, "not in lockstep, where each datagram waits for the answer to the one before",
+                  {"--reorder", "--stamp"});
     if (options.format != "native") throw std::invalid_argument("--lockstep: only native datagrams are answered");
   } else {
     refuse_unused(app, "only with --lockstep", {"--resend"});
   }
   if (options.format == "csv" && !is_capture)
-    refuse_unused(app, "only for native datagrams", {"--stream", "--no-new-run"});
-  if (options.fast) refuse_unused(app, "not with --fast, which sends without pacing", {"--jitter"});
+    refuse_unused(app, "only for native datagrams", {"--stream", "--no-new-run", "--stamp"});
+  if (options.fast) refuse_unused(app, "not with --fast, which sends without pacing", {"--jitter", "--stamp"});
+  if (!options.stamp.empty()) static_cast<void>(clock_stamp(options.stamp, host_now()));
   if (!is_capture && !options.motion.for_s && ((options.fast && !options.lockstep) || !options.csv_path.empty()))
     throw std::invalid_argument("--for: must be given with --fast or --csv, as a motion has no end");
 
@@ -247,6 +249,9 @@ int send(const Options& options, bool& running) {
     throw std::invalid_argument(
         fmt::format("--to {}: right would be {}", options.to, fmt::join(port_examples(takes_truth), " or ")));
   const auto port = open_port(options.to, Role::device);
+  const HostTime start = host_now();
+  MotionTruths::Options motion = options.motion;
+  if (!options.stamp.empty()) motion.first_stamp = clock_stamp(options.stamp, start);
   std::unique_ptr<Port> capture;
   TruthSource source;
   if (options.motion.motion == nullptr) {
@@ -263,14 +268,13 @@ int send(const Options& options, bool& running) {
     capture = open_port(from, Role::listener);
     source = capture_source(*capture, options.motion.for_s);
   } else {
-    source = options.format == "csv" ? csv_source(options.motion) : native_source(options.motion);
+    source = options.format == "csv" ? csv_source(motion) : native_source(motion);
   }
 
   running = true;
   DatagramSender sender(*port, options.sender);
   Answers answers;
   std::string failure;
-  const HostTime start = host_now();
   std::uint64_t datagrams = 0;
   while (!stop_requested() && failure.empty()) {
     const auto datagram = source();
@@ -323,6 +327,9 @@ void define(CLI::App& app, Options& options) {
   add("--csv", options.csv_path, "FILE", "writes truth CSV to FILE and sends nothing; - is standard output");
   add("--set", options.settings, "KEY=VALUE", "capture with --csv: a setting of its truth format; may be repeated")
       ->allow_extra_args(false);
+  add("--stamp", options.stamp, "CLOCK",
+      "stamps each datagram with the time at which it is due: tai, utc or monotonic, as realtime.epoch of the "
+      "receivers");
   app.add_flag("--no-new-run", options.no_new_run, "does not mark the first datagram as the beginning of a run");
   app.add_flag("--fast", options.fast, "sends without pacing; may outrun the receiver, except with --lockstep");
   app.add_flag("--lockstep", options.lockstep, "waits for the acknowledgement of each datagram before the next one");

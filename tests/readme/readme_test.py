@@ -23,7 +23,7 @@ ONLY = [sys.argv.pop(1) for argument in sys.argv[1:] if argument.endswith(".md")
 LIMIT_S = 120  # of one command
 
 # What is stated here is found: a command that the extractor misses, or one that is not run any more, is a failure.
-NOT_RUN = {"hardware": 9, "minutes": 17, "guest": 3, "simulator": 18, "network": 6, "root": 12}
+NOT_RUN = {"hardware": 9, "minutes": 17, "guest": 3, "simulator": 18, "network": 7, "root": 12}
 AT_LEAST = 60  # commands that run
 
 # What a machine that only runs imud lacks.

@@ -89,6 +89,48 @@ TEST(ImuTruth, SendsEveryMotion) {
   }
 }
 
+// Stamps are as far apart as the truths, whenever the datagrams leave.
+TEST(ImuTruth, StampsTruthsWithAClockThatHostsShare) {
+  const auto now = [](clockid_t clock) {
+    timespec time{};
+    ::clock_gettime(clock, &time);
+    return SharedTime{std::int64_t{time.tv_sec} * 1'000'000'000 + time.tv_nsec};
+  };
+  const std::pair<std::string, SharedClock> clocks[] = {
+      {"tai", SharedClock::tai}, {"utc", SharedClock::utc}, {"monotonic", SharedClock::monotonic}};
+  for (const auto& [word, clock] : clocks) {
+    const clockid_t id = clock == SharedClock::tai   ? CLOCK_TAI
+                         : clock == SharedClock::utc ? CLOCK_REALTIME
+                                                     : CLOCK_MONOTONIC;
+    LoopbackSocket receiver;
+    const SharedTime before = now(id);
+    ASSERT_EQ(run_program("imu-truth", {"turntable", "--to", receiver.spec(), "--rate", "300", "--for", "0.1",
+                                        "--start", "5", "--stamp", word})
+                  .exit_code,
+              0);
+    const SharedTime after = now(id);
+    const auto truths = truths_in(receiver.receive_all(), "native");
+    ASSERT_EQ(truths.size(), 31U);
+    for (std::size_t k = 0; k < truths.size(); ++k) {
+      EXPECT_EQ(truths[k].stamp.clock, clock);
+      EXPECT_EQ(truths[k].stamp.time - truths[0].stamp.time, truths[k].time - truths[0].time) << word << ' ' << k;
+    }
+    EXPECT_GE(truths.front().stamp.time, before) << word;
+    EXPECT_LE(truths.back().stamp.time, after) << word;
+  }
+  const std::string to = LoopbackSocket().spec();
+  const auto refused = [&](std::vector<std::string> words, std::string_view why) {
+    words.insert(words.end(), {"--to", to});
+    const auto result = run_program("imu-truth", words);
+    EXPECT_EQ(result.exit_code, 2);
+    EXPECT_TRUE(contains(result.errors, why)) << result.errors;
+  };
+  refused({"rest", "--stamp", "gps"}, "--stamp gps: right would be tai, utc or monotonic");
+  refused({"rest", "--stamp", "tai", "--fast", "--for", "1"}, "--stamp: not with --fast");
+  refused({"rest", "--stamp", "tai", "--lockstep"}, "--stamp: not in lockstep");
+  refused({"rest", "--stamp", "tai", "--format", "csv"}, "--stamp: only for native datagrams");
+}
+
 TEST(ImuTruth, TakesMotionParameters) {
   LoopbackSocket receiver;
   const auto result =

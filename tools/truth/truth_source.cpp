@@ -2,11 +2,14 @@
 
 #include <fmt/format.h>
 #include <poll.h>
+#include <time.h>
 
 #include <algorithm>
 #include <array>
 #include <stdexcept>
 
+#include "emulator/ground/host.hpp"
+#include "emulator/plan/epoch.hpp"
 #include "tools/stop_signal.hpp"
 #include "tools/truth/truth_csv.hpp"
 
@@ -22,11 +25,24 @@ std::optional<Truth> MotionTruths::next() {
   truth.sequence = static_cast<std::uint32_t>(next_);
   truth.acknowledge = options_.acknowledge;
   truth.new_run = options_.new_run && next_ == 0;
+  truth.stamp = options_.first_stamp;
+  truth.stamp.time = truth.stamp.time + offset;
   if (!is_finite(truth) || !is_in_range(truth))
     throw std::runtime_error(fmt::format("at {} s the motion exceeds the valid range of truth (core/truth.hpp)",
                                          seconds(time - TruthTime{})));
   ++next_;
   return truth;
+}
+
+ClockStamp clock_stamp(std::string_view clock, HostTime time) {
+  for (const Word<Epoch>& one : epoch_words) {
+    if (one.word != clock || one.value == Epoch::none) continue;
+    const clockid_t id = one.value == Epoch::tai   ? CLOCK_TAI
+                         : one.value == Epoch::utc ? CLOCK_REALTIME
+                                                   : CLOCK_MONOTONIC;
+    return {one.value, SharedTime{(time + MonotonicHost().ahead(id).by).ns}};
+  }
+  throw std::invalid_argument(fmt::format("--stamp {}: right would be tai, utc or monotonic", clock));
 }
 
 TruthSource native_source(const MotionTruths::Options& options) {

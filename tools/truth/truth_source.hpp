@@ -5,6 +5,7 @@
 #include <functional>
 #include <optional>
 #include <span>
+#include <string_view>
 
 #include "core/time.hpp"
 #include "protocols/native_truth.hpp"
@@ -34,7 +35,8 @@ class MotionTruths {
     std::optional<double> for_s;  // nullopt: without end; the last truth is the one at the end of this time
     std::uint32_t stream = 0;
     bool acknowledge = false;
-    bool new_run = true;  // the first truth is marked as the beginning of a run
+    bool new_run = true;     // the first truth is marked as the beginning of a run
+    ClockStamp first_stamp;  // of the first truth; the clock passes as simulation time does
   };
   explicit MotionTruths(const Options& options);
 
@@ -47,6 +49,10 @@ class MotionTruths {
   const Grid grid_;
   std::uint64_t next_ = 0;
 };
+
+// Returns the time of a clock, "tai", "utc" or "monotonic", at a host time near now. Throws std::invalid_argument for
+// another word.
+ClockStamp clock_stamp(std::string_view clock, HostTime time);
 
 TruthSource native_source(const MotionTruths::Options& options);
 // Makes a source of rows of text, one in a datagram, with the header row first.
