@@ -11,6 +11,26 @@
 
 namespace imud {
 
+namespace {
+
+// Throws ConfigError if the command of [test] has no line to read, or is killed before the capture ends.
+void check_test(const Campaign& campaign, const Config& config) {
+  if (std::ranges::none_of(config.imus, [](const ImuConfig& imu) { return imu.protocol->link == Link::bytes; }))
+    throw ConfigError(
+        {fmt::format("{}: test: {{port}} is a serial line, and the protocols of all imus are of CAN; give an imu the "
+                     "protocol of a serial line, or test a driver of CAN by imud run on a bus, a run at a time",
+                     campaign.file)});
+  if (campaign.test->clock != ClockMode::realtime) return;
+  const double capture_s = capture_length(config).length_s;
+  if (const double least_s = campaign.test->settle_s + capture_s; campaign.test->time_limit_s <= least_s)
+    throw ConfigError(
+        {fmt::format("{}: test.time_limit_s: give more than {:.6g} s: by the clock \"realtime\" a case takes the "
+                     "{:.6g} s of its capture, after settle_s, {:g}",
+                     campaign.file, least_s, capture_s, campaign.test->settle_s)});
+}
+
+}  // namespace
+
 std::uint64_t Campaign::cases() const noexcept {
   std::uint64_t product = seeds.size() * (draws ? draws->plan.count : 1);
   for (const CampaignAxis& axis : axes) product *= axis.values.size();
@@ -77,13 +97,15 @@ Campaign with_axis_value(const Campaign& campaign, std::uint64_t index, const st
 Config load_case(const Campaign& campaign, const CampaignCase& c) {
   std::vector<std::string> overrides = c.overrides;
   overrides.push_back(fmt::format("seed=\"{}\"", c.seed));
-  overrides.emplace_back("clock=fast");
+  overrides.push_back(
+      fmt::format("clock={}", word_of(clock_words, campaign.test ? campaign.test->clock : ClockMode::fast)));
   Config config = load_replay(campaign.base, overrides, c.capture, c.scenarios).config;
   const auto until = StopRule::parse(campaign.until);
   if (until && until->name != StopRule::all_cases &&
       std::ranges::find(config.expectations, until->name, &ExpectConfig::name) == config.expectations.end())
     throw ConfigError({fmt::format("{}: until: there is no expectation {}; give the name of an [[expect]], or cases",
                                    campaign.file, until->name)});
+  if (campaign.test) check_test(campaign, config);
   return config;
 }
 

@@ -29,6 +29,7 @@ struct CampaignAxis {
 // The system under test, which runs beside each case.
 struct CampaignTest {
   std::string command;
+  ClockMode clock = ClockMode::fast;  // of the cases; or realtime
   double time_limit_s = 60;
   double settle_s = 0;  // from the opening of the port to the first sample
 };
@@ -90,7 +91,9 @@ std::vector<std::pair<std::string, std::string>> columns_of(const Campaign& camp
 Campaign with_axis_value(const Campaign& campaign, std::uint64_t index, const std::string& axis,
                          const std::string& text);
 
-// Loads the configuration of a case for a replay by the clock `fast`. Throws ConfigError, whose faults name the case.
+// Loads the configuration of a case for a replay by the clock `fast`, or the clock of [test]. Throws ConfigError,
+// whose faults name the case; also if there is a [test], and no imu has a serial line, or the capture takes longer
+// than the time limit by the clock `realtime`.
 Config config_of(const Campaign& campaign, const CampaignCase& c);
 // The same, but the faults do not name the case.
 Config load_case(const Campaign& campaign, const CampaignCase& c);

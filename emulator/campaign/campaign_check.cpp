@@ -4,6 +4,7 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <cmath>
 #include <set>
 #include <utility>
 
@@ -127,10 +128,13 @@ std::string rough_size(double bytes) {
 void print_cost(const Campaign& campaign) {
   const CampaignCost cost = measure_cases(campaign);
   const auto cases = static_cast<double>(campaign.cases());
-  const double all_s = cost.case_s * cases / cost.processors;
-  fmt::print("{:<8} {}{} a case (measured: case{} {}), {}{} for all on the {} processor{} here{}\n", "time",
-             cost.is_cut ? "more than " : "", rough_time(cost.case_s), cost.cases.size() == 1 ? "" : "s",
-             fmt::join(cost.cases, ", "), cost.is_cut ? "more than " : "", rough_time(all_s), cost.processors,
+  const bool is_paced = campaign.test && campaign.test->clock == ClockMode::realtime;
+  const double rounds = cases / cost.processors;  // more processors do not shorten a case in real time
+  const double all_s = cost.case_s * (is_paced ? std::ceil(rounds) : rounds);
+  fmt::print("{:<8} {}{} a case ({}: case{} {}), {}{} for all {} the {} processor{} here{}\n", "time",
+             cost.is_cut ? "more than " : "", rough_time(cost.case_s), is_paced ? "by the capture" : "measured",
+             cost.cases.size() == 1 ? "" : "s", fmt::join(cost.cases, ", "), cost.is_cut ? "more than " : "",
+             rough_time(all_s), is_paced ? "in as many processes as" : "on", cost.processors,
              cost.processors == 1 ? "" : "s", campaign.test ? ", without [test]" : "");
   fmt::print("{:<8} {} a case, {} for all\n", "results", rough_size(cost.row_bytes),
              rough_size(cost.row_bytes * cases));

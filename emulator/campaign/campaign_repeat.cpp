@@ -65,7 +65,8 @@ int repeat_case(const std::string& plan_or_folder, std::uint64_t index, const st
     if (at == value.npos) throw OpenError(fmt::format("--axis {}: give AXIS=VALUE", value));
     campaign = with_axis_value(campaign, index, value.substr(0, at), value.substr(at + 1));
   }
-  const bool is_compared = folder && values.empty();
+  const bool is_paced = campaign.test && campaign.test->clock == ClockMode::realtime;
+  const bool is_compared = folder && values.empty() && !is_paced;
   const std::string there = is_compared ? stored_row(*folder, index) : std::string();
   CaseRunner runner(campaign);
   if (!record.empty()) {

@@ -66,14 +66,19 @@ CampaignCost measure_cases(const Campaign& campaign) {
     const Config config = config_of(campaign, c);
     static_cast<void>(identity_of(campaign, config));
     Assembly assembly(config, truth_alone, {.repeats = CapturePort(c.capture, campaign.base).repeats});
-    MonotonicHost host;
-    std::atomic<bool> stop = false;
-    {
-      const TimeLimit limit(stop, longest);
-      assembly.run(host, stop);
+    double paced_s = 0;
+    std::atomic<bool> is_cut = false;
+    if (config.clock == ClockMode::realtime) {
+      const CaptureLength length = capture_length(config);
+      paced_s = campaign.test->settle_s + length.length_s;
+      is_cut = !length.is_whole;
+    } else {
+      MonotonicHost host;
+      const TimeLimit limit(is_cut, longest);
+      assembly.run(host, is_cut);
     }
-    cost.case_s += seconds(host_now() - begin) / static_cast<double>(cases.size());
-    cost.is_cut = cost.is_cut || stop;
+    cost.case_s += (paced_s + seconds(host_now() - begin)) / static_cast<double>(cases.size());
+    cost.is_cut = cost.is_cut || is_cut;
     cost.row_bytes += estimated_row(campaign, c, assembly) / static_cast<double>(cases.size());
   }
   return cost;

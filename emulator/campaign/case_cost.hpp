@@ -11,12 +11,13 @@ namespace imud {
 struct CampaignCost {
   std::vector<std::uint64_t> cases;  // that were run: the first, the middle and the last one
   double case_s = 0;                 // mean host time of a case: its configuration, its identity and its run
-  bool is_cut = false;               // a case was ended before its end: the time is a lower bound
+  bool is_cut = false;               // a case was not followed to its end: the time is a lower bound
   double row_bytes = 0;              // mean, of a row of the results; an estimate
   unsigned processors = 1;           // of this machine
 };
 
-// Runs the cases one after the other in this process, on ports that take every frame, and ends each after 20 s.
+// Runs the cases one after the other in this process, on ports that take every frame, and ends each after 20 s. Cases
+// by the clock `realtime` are not run: they take settle_s and the time of their captures.
 // Throws ConfigError, and PortError if a capture cannot be read.
 CampaignCost measure_cases(const Campaign& campaign);
 

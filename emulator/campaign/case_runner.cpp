@@ -126,7 +126,8 @@ void CaseRunner::check_capture_is_same() const {
 void CaseRunner::compute_true_sums() {
   const Config& config = prepared_->config;
   if (!prepared_->sums.empty() && std::ranges::none_of(config.imus, has_instants_of_the_seed)) return;
-  const TwinRun run = [this](const Config& twins, const Ports& ports, const auto& awaits_truth) {
+  const TwinRun run = [this](Config twins, const Ports& ports, const auto& awaits_truth) {
+    twins.clock = ClockMode::fast;  // the same instants
     const std::atomic<bool> no_stop = false;
     const SeedRun twin{
         .truths = prepared_->truths.get(), .repeats = prepared_->repeats, .limits = {.awaits_truth = awaits_truth}};

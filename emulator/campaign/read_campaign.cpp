@@ -2,6 +2,7 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <array>
 #include <filesystem>
 #include <map>
 #include <nlohmann/json.hpp>
@@ -198,11 +199,15 @@ std::string read_until(TableReader& plan, const Campaign& campaign) {
   return text;
 }
 
+constexpr auto test_clock_words =
+    std::to_array<Word<ClockMode>>({{ClockMode::fast, "fast"}, {ClockMode::realtime, "realtime"}});
+
 CampaignTest read_test(TableReader table) {
   CampaignTest test;
   require(table, "command", "the command that is started for each case, such as \"./estimator {port}\"");
   test.command = table.text("command", "");
   if (is_text(table, "command") && test.command.empty()) table.fault("command", "give a command");
+  test.clock = table.choice<ClockMode>("clock", test_clock_words, test.clock);
   test.time_limit_s = table.real("time_limit_s", test.time_limit_s, 1e-3, 1e7);
   test.settle_s = table.real("settle_s", test.settle_s, 0, 3600);
   if (test.settle_s >= test.time_limit_s)

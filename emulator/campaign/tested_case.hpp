@@ -19,8 +19,8 @@ namespace imud {
 // end of the port when the case has ended, and may then write its metrics. One thread.
 class TestedCase {
  public:
-  // Gives the first imu of `config` with a serial line a pseudo-terminal in a folder of its own, and a copy of its
-  // bytes. `is_shown`: the output of the command goes to standard error. Throws PortError if no imu has such a line,
+  // Gives the first imu of `config` with a serial line, which load_case() requires, a pseudo-terminal in a folder of
+  // its own, and a copy of its bytes. `is_shown`: the output of the command goes to standard error. Throws
   // std::runtime_error as TestCommand does.
   TestedCase(const Campaign& campaign, const CampaignCase& one, Config& config, bool is_shown);
   TestedCase(const TestedCase&) = delete;

@@ -33,7 +33,7 @@ struct SeedRun {
   std::function<void(Engine& engine)> begin = nullptr;  // called when the ports are open, before the first step
   std::chrono::milliseconds readers{50};                // for which readers that are slow are waited for at the end
 
-  // Runs `config`, whose clock is `fast`, to its end, and then calls `end` with
+  // Runs `config`, whose clock is `fast` or `realtime`, to its end, and then calls `end` with
   // the engine and Assembly::difference(). With `truths`, config.truth.format
   // is their format. Throws PortError.
   void run(const Config& config, const Ports& ports, const std::atomic<bool>& stop,

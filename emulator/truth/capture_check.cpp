@@ -5,11 +5,13 @@
 
 #include <algorithm>
 #include <array>
+#include <chrono>
 #include <memory>
 #include <optional>
 #include <string_view>
 #include <utility>
 
+#include "core/timeline.hpp"
 #include "emulator/config/config_parts.hpp"
 #include "emulator/config/recorded_config.hpp"
 #include "emulator/truth/place_watch.hpp"
@@ -113,6 +115,30 @@ CaptureFindings check_capture(const Config& config) {
   } catch (const PortError&) {  // who opens it for a run reports it
   }
   return findings;
+}
+
+CaptureLength capture_length(const Config& config) {
+  constexpr Nanoseconds out_of_order = std::chrono::seconds(1);
+  CaptureLength length;
+  Nanoseconds sum{0};
+  if (!is_file(config.truth.port)) return length;
+  try {
+    Truths truths(config.truth);
+    std::optional<TruthTime> newest;
+    for (std::size_t i = 0; const std::optional<Truth> truth = truths.next(); ++i) {
+      if (i == most_truths_ahead) {
+        length.is_whole = false;
+        break;
+      }
+      const Nanoseconds step = newest ? truth->time - *newest : Nanoseconds{0};
+      if (newest && step <= Nanoseconds{0} && step >= -out_of_order) continue;
+      if (step > Nanoseconds{0} && step <= Timeline::Limits().max_gap) sum += step;
+      newest = truth->time;
+    }
+  } catch (const PortError&) {  // who opens it for a run reports it
+  }
+  length.length_s = seconds(sum);
+  return length;
 }
 
 void refuse_late_faults(const Config& config) {

@@ -33,6 +33,15 @@ inline constexpr std::size_t most_truths_ahead = 500'000;
 // is longer. Finds nothing if the truth is no such capture, or if the file cannot be read.
 CaptureFindings check_capture(const Config& config);
 
+// The time from the first to the last truth of each run in a capture, summed over the runs.
+struct CaptureLength {
+  double length_s = 0;
+  bool is_whole = true;  // false: the capture is longer, but most_truths_ahead were read
+};
+// Reads the truth of a capture that is a regular file; returns 0 for another one, or if it cannot be read. Truths out
+// of order do not begin a run: one does whose time is back by more than a second, or ahead by a gap.
+CaptureLength capture_length(const Config& config);
+
 // Throws ConfigError with the faults of check_capture().
 void refuse_late_faults(const Config& config);
 

@@ -38,6 +38,11 @@ nlohmann::ordered_json case_figures(const Summary& summary) {
     const std::string prefix = imu.name + ".";
     add_group(figures, prefix, imu.counters);
     for (const DeviceCount& figure : imu.device) figures[prefix + std::string(figure.key)] = figure.count;
+    if (const DurationHistogram& lateness = imu.counters[&ImuCounters::lateness]; lateness.count() > 0) {
+      constexpr double percent = 99, us_per_s = 1e6;
+      figures[prefix + "lateness_us.p99"] = us_per_s * lateness.percentile(percent);
+      figures[prefix + "lateness_us.max"] = us_per_s * lateness.max();
+    }
     for (const DrawnTerms& drawn : imu.drawn)
       for (const auto& [term, values] : drawn.terms)
         for (std::size_t i = 0; i < values.size(); ++i)

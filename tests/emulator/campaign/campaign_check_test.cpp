@@ -80,6 +80,50 @@ TEST_F(CampaignCheck, AThousandValuesOfAnAxisAreTried) {
   EXPECT_EQ(tried_.all_values, 3000U);
 }
 
+// The capture has 0.2 s of truth, the longer one 0.5 s in two runs.
+TEST_F(CampaignCheck, ACommandThatCannotReadItsCaseIsRefused) {
+  const std::string can =
+      "[[imu]]\nprotocol = \"j1939\"\nport = \"canfile:unused.log\"\nrate_hz = 100\n"
+      "gyro.max_rad_per_s = 4\naccelerometer.max_m_per_s2 = 100\n";
+  write("imu.toml", base + can);
+  const std::string test = "[test]\ncommand = \"cat {port}\"\n", paced = test + "clock = \"realtime\"\n";
+  expect_parts(trial(test + "time_limit_s = 0.1\n"), {});
+  expect_parts(trial(paced + "time_limit_s = 0.8\nsettle_s = 0.5\n"), {});
+  expect_parts(
+      trial(paced + "time_limit_s = 0.7\nsettle_s = 0.5\n"),
+      {"(case 0): plan.toml: test.time_limit_s: give more than 0.7 s: by the clock \"realtime\" a case takes "
+       "the 0.2 s of its capture, after settle_s, 0.5"});
+  write(
+      "longer.csv", truth_rows + [] {
+        std::string again;
+        for (int i = 0; i <= 30; ++i)
+          again += fmt::format("{},0,0,0,0,0,0,0,0,-9.8\n", 100'000'000'000 + i * 10'000'000LL);
+        return again;
+      }());
+  const std::string longer = "[axes]\ncapture = [\"truth.csv\", \"longer.csv\"]\n" + paced;
+  expect_parts(trial(longer + "time_limit_s = 0.6\n"), {});
+  expect_parts(
+      trial(longer + "time_limit_s = 0.5\n"),
+      {"plan.toml:4: axes.capture: longer.csv (case 1): plan.toml: test.time_limit_s: give more than 0.5 s"});
+  write("imu.toml", base.substr(0, base.find("[[imu]]")) + can);
+  expect_parts(
+      trial(test),
+      {"(case 0): plan.toml: test: {port} is a serial line, and the protocols of all imus are of CAN; give an "
+       "imu the protocol of a serial line"});
+}
+
+TEST_F(CampaignCheck, CasesInRealTimeTakeTheTimeOfTheirCapture) {
+  write("plan.toml", head +
+                         "seeds = \"1..1000\"\n[test]\ncommand = \"cat {port}\"\nclock = \"realtime\"\n"
+                         "settle_s = 30\n");
+  const ProgramResult run = run_program("imud", {"campaign", "check", path("plan.toml")});
+  EXPECT_EQ(run.exit_code, 0) << run.errors;
+  EXPECT_TRUE(std::regex_search(
+      run.output, std::regex("time     3[0-9.]+ s a case \\(by the capture: cases 0, 499, 999\\), .* for all in as "
+                             "many processes as the [0-9]+ processors? here, without \\[test\\]\n")))
+      << run.output;
+}
+
 TEST_F(CampaignCheck, TheCommandSaysWhatThePlanCosts) {
   write("plan.toml", head + R"(seeds = "1..50"
 [axes]

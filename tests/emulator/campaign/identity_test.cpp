@@ -38,6 +38,7 @@ TEST_F(CampaignIdentity, EachInputChangesIt) {
   EXPECT_FALSE(is_new(identity(plan, 0)));
   EXPECT_TRUE(is_new(identity(plan + "time_limit_s = 3\n")));
   EXPECT_TRUE(is_new(identity(plan + "settle_s = 1\n")));
+  EXPECT_TRUE(is_new(identity(plan + "clock = \"realtime\"\n")));
   EXPECT_TRUE(is_new(identity(plan.substr(0, plan.find("[test]")) + "[test]\ncommand = \"./other\"\n")));
   EXPECT_TRUE(is_new(identity(plan.substr(0, plan.find("[test]")))));
   EXPECT_TRUE(is_new(identity("set = [\"imu.0.rate_hz=50\"]\n" + plan)));

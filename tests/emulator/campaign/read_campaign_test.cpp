@@ -41,6 +41,7 @@ method = "latin_hypercube"
 command = "./estimator {port}"
 time_limit_s = 3
 settle_s = 2
+clock = "realtime"
 [slurm]
 partition = "debug"
 account = "lab"
@@ -77,6 +78,7 @@ options = ["--nice"]
   EXPECT_EQ(campaign.test->command, "./estimator {port}");
   EXPECT_EQ(campaign.test->time_limit_s, 3);
   EXPECT_EQ(campaign.test->settle_s, 2);
+  EXPECT_EQ(campaign.test->clock, ClockMode::realtime);
   EXPECT_EQ(campaign.slurm.partition, "debug");
   EXPECT_EQ(campaign.slurm.account, "lab");
   EXPECT_EQ(campaign.slurm.time_limit, "1:00:00");
@@ -111,6 +113,7 @@ d = 5
 [test]
 time_limit_s = -1
 settle_s = 60
+clock = "lockstep"
 [slurm]
 partitoin = "x"
 )"),
@@ -128,9 +131,11 @@ partitoin = "x"
                 "plan.toml:17: draws.keys.c.component: unknown key; did you mean \"components\"?",
                 "plan.toml:18: draws.keys.d: give a table, such as ",
                 "plan.toml:13: draws.methd: unknown key; did you mean \"method\"?",
-                "plan.toml:19: test.command: missing", "plan.toml:20: test.time_limit_s: -1 ",
+                "plan.toml:19: test.command: missing",
+                "plan.toml:22: test.clock: give one of \"fast\", \"realtime\"",
+                "plan.toml:20: test.time_limit_s: -1 ",
                 "plan.toml:21: test.settle_s: give a time before time_limit_s, 60, which counts from",
-                "plan.toml:23: slurm.partitoin: unknown key; did you mean \"partition\"?",
+                "plan.toml:24: slurm.partitoin: unknown key; did you mean \"partition\"?",
                 "plan.toml:3: seds: unknown key; did you mean \"seeds\"?"});
 }
 

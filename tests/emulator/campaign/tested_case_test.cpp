@@ -3,6 +3,7 @@
 #include <unistd.h>
 
 #include <chrono>
+#include <cmath>
 #include <csignal>
 #include <cstdlib>
 #include <filesystem>
@@ -50,6 +51,39 @@ printf '{"size": %d, "seed": {seed}}' $(wc -c < bytes_{case}) > {metrics})");
     EXPECT_NE(tested[i]["identity"], alone[i]["identity"]);
     EXPECT_FALSE(alone[i].contains("test"));
   }
+}
+
+// By the clock `fast` the two seconds take a few milliseconds. Samples of a machine that stalls are late, not
+// skipped.
+TEST_F(TestedCases, InRealTimeSamplesLeaveAtTheSensorsPace) {
+  std::string truth = truth_rows.substr(0, truth_rows.find('\n') + 1);
+  for (int i = 0; i <= 200; ++i) truth += fmt::format("{}0000000,0,0,0,0,0,0,0,0,-9.8\n", i);
+  write("truth.csv", truth);
+  const std::string plan = write("plan.toml", head + R"(seeds = "1..2"
+set = "realtime.skip_after_ms=600000"
+integrated_errors = true
+[test]
+clock = "realtime"
+time_limit_s = 600
+command = "cat {port} > bytes_{case}; echo '{\"seed\": {seed}}' > {metrics}"
+)");
+  const auto begin = std::chrono::steady_clock::now();
+  const ProgramResult done = run_program("imud", {"campaign", "run", plan, "--into", path("runs"), "--jobs", "2"});
+  EXPECT_GE(std::chrono::steady_clock::now() - begin, std::chrono::seconds(2));
+  EXPECT_EQ(done.exit_code, 0) << done.errors;
+  const std::vector<nlohmann::json> all = rows("runs");
+  ASSERT_EQ(all.size(), 2U);
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    const nlohmann::json& figures = all[i]["figures"];
+    EXPECT_EQ(figures.value("imu1.samples", 0), 201);
+    for (const char* name : {"imu1.missed", "imu1.lateness_us.p99", "imu1.lateness_us.max"})
+      EXPECT_GE(figures.value(name, -1.0), 0) << name;
+    EXPECT_LT(std::abs(figures.value("imu1.angle_error_x_rad", 1.0)), 2e-3) << "eight times the random walk";
+    EXPECT_EQ(all[i]["test"]["metrics"]["seed"], i + 1);
+    EXPECT_GT(std::filesystem::file_size(path(fmt::format("bytes_{}", i))), 0U);
+  }
+  // Its lateness is another one each time.
+  EXPECT_EQ(run_program("imud", {"campaign", "repeat", path("runs"), "0"}).exit_code, 0);
 }
 
 TEST_F(TestedCases, AFailureIsAShortfall) {
