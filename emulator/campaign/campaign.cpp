@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <stdexcept>
 
 #include "emulator/campaign/axes.hpp"
@@ -35,6 +36,14 @@ std::uint64_t Campaign::cases() const noexcept {
   std::uint64_t product = seeds.size() * (draws ? draws->plan.count : 1);
   for (const CampaignAxis& axis : axes) product *= axis.values.size();
   return product;
+}
+
+std::size_t error_figures(const Campaign& campaign, const Config& config) {
+  constexpr std::size_t of_imu = 6;
+  if (!campaign.integrated_errors) return 0;
+  const double instants =
+      campaign.errors_every_s > 0 ? std::floor(capture_length(config).length_s / campaign.errors_every_s) : 0;
+  return of_imu * config.imus.size() * (1 + static_cast<std::size_t>(instants));
 }
 
 CampaignCase case_of(const Campaign& campaign, std::uint64_t index) {
@@ -106,6 +115,12 @@ Config load_case(const Campaign& campaign, const CampaignCase& c) {
     throw ConfigError({fmt::format("{}: until: there is no expectation {}; give the name of an [[expect]], or cases",
                                    campaign.file, until->name)});
   if (campaign.test) check_test(campaign, config);
+  constexpr std::size_t most_error_figures = 1500;  // a table has 2000 columns
+  if (const std::size_t figures = error_figures(campaign, config); figures > most_error_figures)
+    throw ConfigError(
+        {fmt::format("{}: integrated_errors_every_s: gives {} figures, and a table has room for "
+                     "{}; give a longer time",
+                     campaign.file, figures, most_error_figures)});
   return config;
 }
 

@@ -55,6 +55,7 @@ struct Campaign {
   std::uint64_t batch = 0;         // cases of a shard; 0: `campaign run` chooses
   std::string until;               // the text of a StopRule; empty: all cases are run
   bool integrated_errors = false;  // rows have the errors of each imu, integrated over the run
+  double errors_every_s = 0;       // and up to the instants at these distances; 0: none
   std::optional<CampaignTest> test;
   CampaignSlurm slurm;
   std::string sha256;  // of the plan's text, in hexadecimal
@@ -67,6 +68,10 @@ struct Campaign {
 // Reads a plan, whose keys emulator/campaign/README.md lists. Throws ConfigError with every fault in it. A
 // file that the plan names must exist; keys of the configuration are not checked (try_cases()).
 Campaign read_campaign(const std::string& path);
+
+// Returns the number of figures of integrated errors of a case. `config`: config_of() the case, whose capture is
+// read.
+std::size_t error_figures(const Campaign& campaign, const Config& config);
 
 struct CampaignCase {
   std::uint64_t index = 0;
@@ -91,9 +96,10 @@ std::vector<std::pair<std::string, std::string>> columns_of(const Campaign& camp
 Campaign with_axis_value(const Campaign& campaign, std::uint64_t index, const std::string& axis,
                          const std::string& text);
 
-// Loads the configuration of a case for a replay by the clock `fast`, or the clock of [test]. Throws ConfigError,
-// whose faults name the case; also if there is a [test], and no imu has a serial line, or the capture takes longer
-// than the time limit by the clock `realtime`.
+// Loads the configuration of a case for a replay by the clock `fast`, or by the clock of [test]. Throws ConfigError,
+// whose faults name the case; also if there is a [test] and no imu has a serial line, if the capture takes longer
+// than the time limit by the clock `realtime`, or if the errors over time have more figures than a table has room
+// for.
 Config config_of(const Campaign& campaign, const CampaignCase& c);
 // The same, but the faults do not name the case.
 Config load_case(const Campaign& campaign, const CampaignCase& c);

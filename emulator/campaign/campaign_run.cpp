@@ -47,7 +47,7 @@ CampaignDescription description_of(const Campaign& campaign) {
 
 // Returns about how many bytes a row has.
 std::size_t expected_row_size(const Campaign& campaign, const Config& config) {
-  constexpr std::size_t rest = 300, of_imu = 80, of_text = 6, of_digits = 6;
+  constexpr std::size_t rest = 300, of_imu = 80, of_text = 6, of_digits = 6, of_error = 55;
   Summary summary;
   for (const ImuConfig& imu : config.imus)
     summary.imus.push_back({imu.name,
@@ -57,10 +57,11 @@ std::size_t expected_row_size(const Campaign& campaign, const Config& config) {
                             drawn_terms(imu.model, config.seed, imu.name)});
   const nlohmann::ordered_json figures = case_figures(summary);
   std::size_t size = rest + figures.dump().size() + of_digits * figures.size() + of_imu * config.imus.size();
-  for (const auto& [name, text] : columns_of(campaign, case_of(campaign, 0)))
-    size += name.size() + text.size() + of_text;
+  const CampaignCase first = case_of(campaign, 0);
+  for (const auto& [name, text] : columns_of(campaign, first)) size += name.size() + text.size() + of_text;
   for (const ExpectConfig& one : config.expectations) size += one.name.size() + 2 * of_text;
-  return campaign.integrated_errors ? size + 6 * of_imu / 2 * config.imus.size() : size;
+  if (campaign.integrated_errors) size += of_error * error_figures(campaign, config_of(campaign, first));
+  return size;
 }
 
 // Throws OpenError unless the cases are whole shards.

@@ -36,9 +36,9 @@ std::unique_ptr<Port> truth_alone(const PortUse& use) {
 }
 
 // Returns the bytes of the texts that a row of the case has: its columns, and the figures of the summary.
-double estimated_row(const Campaign& campaign, const CampaignCase& c, Assembly& assembly) {
-  constexpr std::size_t fixed = 300, per_imu = 80, per_text = 6, per_figure = 10;
-  std::size_t bytes = fixed;
+double estimated_row(const Campaign& campaign, const CampaignCase& c, const Config& config, Assembly& assembly) {
+  constexpr std::size_t fixed = 300, per_imu = 80, per_text = 6, per_figure = 10, per_error = 55;
+  std::size_t bytes = fixed + per_error * error_figures(campaign, config);
   for (const auto& [name, text] : columns_of(campaign, c)) bytes += name.size() + text.size() + per_text;
   RunCounters counters{&assembly.engine().intake().counters(), &assembly.engine().quality(), {}};
   for (const auto& channel : assembly.engine().channels())
@@ -79,7 +79,7 @@ CampaignCost measure_cases(const Campaign& campaign) {
     }
     cost.case_s += (paced_s + seconds(host_now() - begin)) / static_cast<double>(cases.size());
     cost.is_cut = cost.is_cut || is_cut;
-    cost.row_bytes += estimated_row(campaign, c, assembly) / static_cast<double>(cases.size());
+    cost.row_bytes += estimated_row(campaign, c, config, assembly) / static_cast<double>(cases.size());
   }
   return cost;
 }

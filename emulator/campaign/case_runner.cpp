@@ -54,10 +54,9 @@ std::string line_of(const Row& row) { return row.dump(-1, ' ', false, Row::error
 // The ports of a case, and the results that they collect.
 struct CasePorts {
   const Config& config;
-  const bool integrates;
+  std::vector<MeasuredSumsOverTime> sums;                  // of each imu; empty: errors are not integrated
   const std::optional<std::size_t> tested = std::nullopt;  // the imu whose line is opened
   std::map<std::string, std::string> digests = {};         // by "IMU" and "IMU.second_port"
-  std::vector<MeasuredSums> sums = std::vector<MeasuredSums>(config.imus.size());
 
   std::unique_ptr<Port> open(const PortUse& use) {
     const bool is_line = use.of == PortUse::Of::line;
@@ -65,9 +64,11 @@ struct CasePorts {
     const bool is_copy = use.imu == tested && use.of == PortUse::Of::copy;  // with the bytes of the open line
     if (!is_line && !is_copy) return std::make_unique<NoPort>();
     const ImuConfig& imu = config.imus[use.imu];
-    std::function<void(const Measurement&)> receive;
-    if (integrates && use.number == 0)
-      receive = [&of_imu = sums[use.imu]](const Measurement& measurement) { of_imu.add(measurement); };
+    std::function<void(const Measurement&, DeviceTime)> receive;
+    if (!sums.empty() && use.number == 0)
+      receive = [&of_imu = sums[use.imu]](const Measurement& measurement, DeviceTime time) {
+        of_imu.add(measurement, time);
+      };
     return std::make_unique<CasePort>(
         imu,
         [&digest = digests[use.number == 0 ? imu.name : imu.name + ".second_port"]](std::string sha256) {
@@ -136,7 +137,8 @@ void CaseRunner::compute_true_sums() {
   };
   const RunTruth truth = truth_of_run(config, run, [](std::size_t) { return false; });
   prepared_->sums.clear();
-  for (const RunTruth::OfImu& imu : truth.imus) prepared_->sums.emplace_back(imu.rows);
+  for (const RunTruth::OfImu& imu : truth.imus)
+    prepared_->sums.emplace_back(imu.rows, nanoseconds(campaign_.errors_every_s));
 }
 
 std::optional<CaseRunner::Result> CaseRunner::run(std::uint64_t index, const std::atomic<bool>& stop,
@@ -148,7 +150,7 @@ std::optional<CaseRunner::Result> CaseRunner::run(std::uint64_t index, const std
     std::optional<TestedCase> tested;
     if (campaign_.test) tested.emplace(campaign_, one, config, shown.of_test);
     CasePorts ports{.config = config,
-                    .integrates = campaign_.integrated_errors,
+                    .sums = {prepared_->sums.begin(), prepared_->sums.end()},
                     .tested = tested ? std::optional(tested->imu()) : std::nullopt};
     SeedRun replay{.truths = prepared_->truths.get(), .repeats = prepared_->repeats};
     std::optional<Recorder> recorder;

@@ -52,7 +52,7 @@ class CaseRunner {
     std::string capture;                         // capture_digest() of `truth`
     bool repeats = false;                        // the capture is a record, whose run is repeated
     std::vector<double> line_loads;
-    std::vector<TrueSums> sums;  // of each imu; empty: to be computed
+    std::vector<TrueSumsOverTime> sums;  // of each imu; empty: to be computed
   };
   void compute_true_sums();
   void check_capture_is_same() const;

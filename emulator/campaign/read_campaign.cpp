@@ -254,6 +254,9 @@ Campaign read_campaign(const std::string& path) {
   campaign.seeds = read_seeds(plan);
   campaign.batch = plan.unsigned_integer("batch", 0, Campaign::most_cases);
   campaign.integrated_errors = plan.flag("integrated_errors", campaign.integrated_errors);
+  campaign.errors_every_s = plan.real("integrated_errors_every_s", 0, 1e-3, 1e6);
+  if (campaign.errors_every_s > 0 && !campaign.integrated_errors)
+    plan.fault("integrated_errors_every_s", "needs integrated_errors = true");
   campaign.axes = read_axes(plan.node("axes"), folder, faults);
   campaign.draws = read_draws(plan.child("draws"), text.root.get("draws"), faults);
   if (plan.has("test")) campaign.test = read_test(plan.child("test"));

@@ -9,10 +9,12 @@
 namespace imud {
 
 CasePort::CasePort(const ImuConfig& imu, std::function<void(std::string sha256)> end,
-                   const std::function<void(const Measurement&)>& receive)
+                   std::function<void(const Measurement&, DeviceTime)> receive)
     : is_can_(imu.protocol->link == Link::can),
       end_(std::move(end)),
-      decoder_(receive ? decoding_port(imu, receive) : nullptr) {}
+      decoder_(receive ? decoding_port(imu, [this, receive = std::move(receive)](
+                                                const Measurement& measurement) { receive(measurement, time_); })
+                       : nullptr) {}
 
 void CasePort::send(std::span<const Frame> frames) noexcept {
   if (!is_can_) {

@@ -17,9 +17,10 @@ namespace imud {
 // commit() `end` receives their SHA-256. Opens nothing.
 class CasePort final : public NoPort {
  public:
-  // `receive`: gets the measurements as a decoding_port() does; nullptr: nobody wants them.
+  // `receive`: gets the measurements as a decoding_port() does, with the time of the frame; nullptr: nobody wants
+  // them.
   CasePort(const ImuConfig& imu, std::function<void(std::string sha256)> end,
-           const std::function<void(const Measurement&)>& receive);
+           std::function<void(const Measurement&, DeviceTime)> receive);
 
   void send(std::span<const Frame> frames) noexcept override;
   void commit() override;

@@ -1,13 +1,15 @@
-// IntegratedErrors: the errors of an imu's measurements, summed over a run.
+// IntegratedErrors: the errors of an imu's measurements, summed over a run, and up to instants of it.
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
 #include <span>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "core/time.hpp"
 #include "core/vector.hpp"
 #include "emulator/record/measurement_rows.hpp"
 #include "protocols/protocol.hpp"
@@ -32,8 +34,40 @@ struct TrueSums {
   MeasuredSums sums;
   double interval_s = 0;  // between two measurements, the mean
 
-  TrueSums() = default;
-  explicit TrueSums(std::span<const TrueRow> rows) noexcept;
+  void add(const TrueRow& row) noexcept;
+
+ private:
+  std::int64_t first_ns_ = 0;
+};
+
+// The sums of the truth up to the instants T, 2 T, ... after the first measurement, and to the end.
+struct TrueSumsOverTime {
+  Nanoseconds every{0};          // T; 0: there are no instants
+  Nanoseconds half_interval{0};  // of the measurements: a measurement this long after an instant belongs to it
+  std::vector<TrueSums> at;
+  TrueSums end;
+
+  TrueSumsOverTime(std::span<const TrueRow> rows, Nanoseconds every);
+};
+
+// The same of the measurements. Allocates in the constructor alone.
+class MeasuredSumsOverTime {
+ public:
+  explicit MeasuredSumsOverTime(const TrueSumsOverTime& truth)
+      : every_(truth.every), half_interval_(truth.half_interval), at_(truth.at.size()) {}
+
+  // `time`: of the frame that completes it, by the device's clock.
+  void add(const Measurement& measurement, DeviceTime time) noexcept;
+  // Returns the sums up to an instant, or the end if no measurement came later.
+  const MeasuredSums& at(std::size_t instant) const noexcept { return instant < reached_ ? at_[instant] : end_; }
+  const MeasuredSums& end() const noexcept { return end_; }
+
+ private:
+  const Nanoseconds every_, half_interval_;
+  std::vector<MeasuredSums> at_;
+  std::size_t reached_ = 0;  // instants that are over
+  DeviceTime first_;
+  MeasuredSums end_;
 };
 
 // Returns "angle_error_x_rad", "velocity_error_x_m_per_s" and so on, with the measured sums less the true ones: the
@@ -41,5 +75,9 @@ struct TrueSums {
 // axes; the sum of delta-angles about an axis, not an attitude. `absent_rates`: of Protocol.
 std::vector<std::pair<std::string, double>> integrated_errors(const MeasuredSums& measured, const TrueSums& truth,
                                                               unsigned absent_rates);
+// Returns the integrated_errors() at the end and then, with "@0.5" behind the names, up to 0.5 s and every other
+// instant.
+std::vector<std::pair<std::string, double>> integrated_errors(const MeasuredSumsOverTime& measured,
+                                                              const TrueSumsOverTime& truth, unsigned absent_rates);
 
 }  // namespace imud

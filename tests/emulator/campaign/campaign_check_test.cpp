@@ -112,6 +112,14 @@ TEST_F(CampaignCheck, ACommandThatCannotReadItsCaseIsRefused) {
        "imu the protocol of a serial line"});
 }
 
+TEST_F(CampaignCheck, MoreErrorsOverTimeThanATableHasRoomForAreRefused) {
+  const std::string errors = "integrated_errors = true\nintegrated_errors_every_s = ";
+  expect_parts(trial(errors + "0.001\n"), {});  // 201 times 6 figures
+  write("truth.csv", truth_rows + "300000000,0,0,0,0,0,0,0,0,-9.8\n");
+  expect_parts(trial(errors + "0.001\n"),
+               {"integrated_errors_every_s: gives 1806 figures, and a table has room for 1500; give a longer"});
+}
+
 TEST_F(CampaignCheck, CasesInRealTimeTakeTheTimeOfTheirCapture) {
   write("plan.toml", head +
                          "seeds = \"1..1000\"\n[test]\ncommand = \"cat {port}\"\nclock = \"realtime\"\n"

@@ -11,6 +11,8 @@
 #include <random>
 #include <string>
 #include <thread>
+#include <tuple>
+#include <utility>
 #include <vector>
 
 #include "emulator/campaign/shards/result_folder.hpp"
@@ -81,22 +83,24 @@ TEST_F(CampaignDeaths, KillsAtRandomLoseNothing) {
 // degrees of freedom: the bound of 5 standard errors, sqrt(1 / (2 n)) each, has a false-alarm probability of 6e-7 for
 // each of three axes; so has the bound of the mean.
 TEST_F(CampaignDeaths, TheIntegratedHeadingOfARandomWalkIsKnown) {
-  write("plan.toml", head + "seeds = \"1..10000\"\nintegrated_errors = true\n");
+  write("plan.toml", head + "seeds = \"1..10000\"\nintegrated_errors = true\nintegrated_errors_every_s = 0.05\n");
   const ProgramResult done = run_program("imud", {"campaign", "run", path("plan.toml"), "--into", path("runs")});
   ASSERT_EQ(done.exit_code, 0) << done.errors;
-  const double n = 10'000, t_s = 0.2, sigma = 0.6 * std::numbers::pi / 180 / 60 * std::sqrt(t_s);
+  const double n = 10'000, of_a_second = 0.6 * std::numbers::pi / 180 / 60;
   const std::vector<nlohmann::json> all = rows("runs");
   ASSERT_EQ(all.size(), 10'000U);
-  for (const char* axis : {"x", "y", "z"}) {
+  for (const auto& [axis, at, t_s] :
+       {std::tuple("x", "", 0.2), std::tuple("y", "@0.05", 0.05), std::tuple("z", "@0.15", 0.15)}) {
     double sum = 0, squares = 0;
     for (const nlohmann::json& row : all) {
-      const double error = row["figures"][fmt::format("imu1.angle_error_{}_rad", axis)].get<double>();
+      const double error = row["figures"][fmt::format("imu1.angle_error_{}_rad{}", axis, at)].get<double>();
       sum += error;
       squares += error * error;
     }
+    const double sigma = of_a_second * std::sqrt(t_s);
     const double mean = sum / n, deviation = std::sqrt((squares - sum * mean) / (n - 1));
-    EXPECT_NEAR(deviation / sigma, 1, 5 * std::sqrt(1 / (2 * n))) << axis;
-    EXPECT_NEAR(mean / sigma, 0, 5 / std::sqrt(n)) << axis;
+    EXPECT_NEAR(deviation / sigma, 1, 5 * std::sqrt(1 / (2 * n))) << axis << at;
+    EXPECT_NEAR(mean / sigma, 0, 5 / std::sqrt(n)) << axis << at;
   }
   EXPECT_NEAR(all[0]["figures"]["imu1.velocity_error_x_m_per_s"].get<double>(), 0, 1e-12);
 }
@@ -105,7 +109,9 @@ TEST_F(CampaignDeaths, TheIntegratedHeadingOfARandomWalkIsKnown) {
 TEST_F(CampaignDeaths, TheIntegratedErrorOfABiasIsKnown) {
   write("imu.toml", base + "gyro.bias_deg_per_s = 1\naccelerometer.bias_mg = 10\n");
   for (const std::string protocol : {"native", "csv"}) {
-    write("plan.toml", head + fmt::format("integrated_errors = true\nset = [\"imu.imu1.protocol={}\"]\n", protocol));
+    write("plan.toml", head + fmt::format("integrated_errors = true\nintegrated_errors_every_s = 0.03\n"
+                                          "set = [\"imu.imu1.protocol={}\"]\n",
+                                          protocol));
     ASSERT_EQ(run_program("imud", {"campaign", "run", path("plan.toml"), "--into", path(protocol)}).exit_code, 0);
     const nlohmann::json figures = rows(protocol).at(0)["figures"];
     for (const char* axis : {"x", "y", "z"}) {
@@ -114,7 +120,11 @@ TEST_F(CampaignDeaths, TheIntegratedErrorOfABiasIsKnown) {
           << figures;
       EXPECT_NEAR(figures[fmt::format("imu1.velocity_error_{}_m_per_s", axis)].get<double>(), 0.0980665 * 0.2, 1e-9)
           << figures;
+      for (const auto& [at, t_s] : {std::pair("0.03", 0.03), std::pair("0.18", 0.18)})
+        EXPECT_NEAR(figures[fmt::format("imu1.angle_error_{}_rad@{}", axis, at)].get<double>(),
+                    std::numbers::pi / 180 * t_s, 1e-9);
     }
+    EXPECT_FALSE(figures.contains("imu1.angle_error_x_rad@0.21"));
   }
 }
 

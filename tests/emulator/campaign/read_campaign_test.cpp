@@ -23,6 +23,8 @@ TEST_F(ReadCampaign, HasEachKey) {
 set = ["imu.0.rate_hz=50"]
 scenario = "fail.toml"
 batch = 7
+integrated_errors = true
+integrated_errors_every_s = 0.5
 [axes]
 "imu.imu1.gyro.bias_rad_per_s" = [0, 1e-3, 0.10000000000000001]
 capture = ["truth.csv", "b.csv"]
@@ -55,10 +57,12 @@ options = ["--nice"]
   EXPECT_EQ(campaign.overrides, (Texts{"imu.0.rate_hz=50"}));
   EXPECT_EQ(campaign.scenarios, (Texts{path("fail.toml")}));
   EXPECT_EQ(campaign.batch, 7U);
+  EXPECT_TRUE(campaign.integrated_errors);
+  EXPECT_EQ(campaign.errors_every_s, 0.5);
   EXPECT_EQ(campaign.sha256.size(), 64U);
   ASSERT_EQ(campaign.axes.size(), 7U);
   EXPECT_EQ(campaign.axes[0].name, "imu.imu1.gyro.bias_rad_per_s");
-  EXPECT_EQ(campaign.axes[0].line, 8U);
+  EXPECT_EQ(campaign.axes[0].line, 10U);
   EXPECT_EQ(texts_of(campaign.axes[0]), (Texts{"0", "0.001", "0.1"}));
   EXPECT_EQ(campaign.axes[0].values[2].overrides, (Texts{"imu.imu1.gyro.bias_rad_per_s=0.1"}));
   EXPECT_EQ(campaign.axes[1].values[1].capture, path("b.csv"));
@@ -96,6 +100,7 @@ TEST_F(ReadCampaign, TheShortestPlanHasOneCase) {
 TEST_F(ReadCampaign, EveryFaultIsNamedAtOnceWithItsLine) {
   expect_parts(faults(R"(seds = 4
 seeds = "9..1"
+integrated_errors_every_s = 1
 [axes]
 capture = ["truht.csv"]
 "imu.imu1.rate_hz" = { from = 1, to = 0, count = 1, scale = "log" }
@@ -118,24 +123,25 @@ clock = "lockstep"
 partitoin = "x"
 )"),
                {"plan.toml:4: seeds: give a seed, or a range of at most ten million in quotes, such as \"1..1000\"",
-                "plan.toml:6: axes.capture: there is no file truht.csv; did you mean \"truth.csv\"?",
-                "plan.toml:7: axes.imu.imu1.rate_hz.count: give 2 to 100000 values",
-                "plan.toml:7: axes.imu.imu1.rate_hz.from: a range with scale = \"log\"",
-                "plan.toml:8: axes.imu.imu1.name: give a list of values, or a range",
-                "plan.toml:9: axes.seed: give the seeds as seeds = ",
-                "plan.toml:10: axes.imu.imu1.port: has the value a twice",
-                "plan.toml:12: draws.count: give 1 to 1000000 draws",
-                "plan.toml:15: draws.keys.a.distribution: there is no \"norml\"; did you mean \"normal\"?",
-                "plan.toml:16: draws.keys.b.standard_deviation: 0 is out of range",
-                "plan.toml:17: draws.keys.c.to: must be above from",
-                "plan.toml:17: draws.keys.c.component: unknown key; did you mean \"components\"?",
-                "plan.toml:18: draws.keys.d: give a table, such as ",
-                "plan.toml:13: draws.methd: unknown key; did you mean \"method\"?",
-                "plan.toml:19: test.command: missing",
-                "plan.toml:22: test.clock: give one of \"fast\", \"realtime\"",
-                "plan.toml:20: test.time_limit_s: -1 ",
-                "plan.toml:21: test.settle_s: give a time before time_limit_s, 60, which counts from",
-                "plan.toml:24: slurm.partitoin: unknown key; did you mean \"partition\"?",
+                "plan.toml:5: integrated_errors_every_s: needs integrated_errors = true",
+                "plan.toml:7: axes.capture: there is no file truht.csv; did you mean \"truth.csv\"?",
+                "plan.toml:8: axes.imu.imu1.rate_hz.count: give 2 to 100000 values",
+                "plan.toml:8: axes.imu.imu1.rate_hz.from: a range with scale = \"log\"",
+                "plan.toml:9: axes.imu.imu1.name: give a list of values, or a range",
+                "plan.toml:10: axes.seed: give the seeds as seeds = ",
+                "plan.toml:11: axes.imu.imu1.port: has the value a twice",
+                "plan.toml:13: draws.count: give 1 to 1000000 draws",
+                "plan.toml:16: draws.keys.a.distribution: there is no \"norml\"; did you mean \"normal\"?",
+                "plan.toml:17: draws.keys.b.standard_deviation: 0 is out of range",
+                "plan.toml:18: draws.keys.c.to: must be above from",
+                "plan.toml:18: draws.keys.c.component: unknown key; did you mean \"components\"?",
+                "plan.toml:19: draws.keys.d: give a table, such as ",
+                "plan.toml:14: draws.methd: unknown key; did you mean \"method\"?",
+                "plan.toml:20: test.command: missing",
+                "plan.toml:23: test.clock: give one of \"fast\", \"realtime\"",
+                "plan.toml:21: test.time_limit_s: -1 ",
+                "plan.toml:22: test.settle_s: give a time before time_limit_s, 60, which counts from",
+                "plan.toml:25: slurm.partitoin: unknown key; did you mean \"partition\"?",
                 "plan.toml:3: seds: unknown key; did you mean \"seeds\"?"});
 }
 
