@@ -84,6 +84,17 @@ std::vector<std::size_t> numbers_of(const std::vector<std::string>& names, const
   return numbers;
 }
 
+// Throws std::invalid_argument if a figure has no values over time.
+void require_over_time(const CaseStatistics& statistics, const std::vector<std::string>& figures) {
+  for (const std::string& name : figures)
+    if (statistics.find_over_time(name).empty())
+      throw std::invalid_argument(
+          fmt::format("--over time: no case has {}@TIME; integrated errors have it with the plan's key "
+                      "integrated_errors_every_s, "
+                      "and a test may write metrics of such names",
+                      name));
+}
+
 int report(const Options& options, CampaignRows& rows, bool& running) {
   const std::string data_path = options.picture.empty() ? std::string() : data_path_beside(options.picture);
   if (!options.picture.empty()) {
@@ -92,7 +103,11 @@ int report(const Options& options, CampaignRows& rows, bool& running) {
     if (options.figures.size() != 1 || options.over.size() > 2)
       throw std::invalid_argument("--plot: right would be one --figure, and --over for no, one or two axes");
   }
-  CaseStatistics statistics({.figures = options.figures, .worst = options.worst, .count = options.count});
+  const bool asks_for_time = options.over == std::vector<std::string>{"time"};
+  if (asks_for_time && options.figures.empty())
+    throw std::invalid_argument("--over time: right would be --figure NAME, whose values are NAME@TIME");
+  CaseStatistics statistics(
+      {.figures = options.figures, .over_time = asks_for_time, .worst = options.worst, .count = options.count});
   CaseRow row;
   running = true;
   {
@@ -108,10 +123,17 @@ int report(const Options& options, CampaignRows& rows, bool& running) {
   }
   running = false;  // a wrong name is of the command line
   ReportChoice choice = {figures_to_show(statistics, !options.figures.empty()), {}};
-  const auto find_figure = [&](const std::string& name) { return statistics.find_figure(name); };
-  const std::vector<std::size_t> asked = numbers_of(options.figures, find_figure, statistics.figures(), "--figure");
-  choice.axes = numbers_of(
-      options.over, [&](const std::string& name) { return statistics.find_axis(name); }, statistics.axes(), "--over");
+  const bool is_over_time = asks_for_time && !statistics.find_axis("time");
+  std::vector<std::size_t> asked;
+  if (is_over_time) {
+    require_over_time(statistics, options.figures);
+  } else {
+    const auto find_figure = [&](const std::string& name) { return statistics.find_figure(name); };
+    asked = numbers_of(options.figures, find_figure, statistics.figures(), "--figure");
+    choice.axes = numbers_of(
+        options.over, [&](const std::string& name) { return statistics.find_axis(name); }, statistics.axes(),
+        "--over");
+  }
   for (const CaseStatistics::Worst& worst : statistics.worst())
     if (!worst.is_known) throw std::invalid_argument(fmt::format("--worst {}: no case has it", worst.figure));
   if (options.over.empty())
@@ -121,7 +143,9 @@ int report(const Options& options, CampaignRows& rows, bool& running) {
   if (!options.json.empty()) write_file(options.json, campaign_json(statistics, rows, choice));
   if (!options.picture.empty()) {
     if (options.over.empty()) choice.axes.clear();
-    const CampaignPicture picture = draw_campaign(statistics, asked.front(), choice.axes, data_path, options.picture);
+    const CampaignPicture picture =
+        is_over_time ? draw_over_time(statistics, options.figures.front(), data_path, options.picture)
+                     : draw_campaign(statistics, asked.front(), choice.axes, data_path, options.picture);
     write_file(data_path, picture.data);
     run_gnuplot(picture.commands);
   }
@@ -150,7 +174,9 @@ int execute(int argc, char** argv, bool& running) {
       "metrics of the test or, without any, the figures that are not the same in all cases")
       ->allow_extra_args(false);
   add(app, "--over", options.over, "AXIS",
-      "report: divided by the values of this axis; may be repeated; default: all")
+      "report: divided by the values of this axis; may be repeated; default: all. time: the values NAME@TIME of "
+      "each\n"
+      "--figure NAME, with TIME in s")
       ->allow_extra_args(false);
   add(app, "--worst", options.worst, "NAME",
       "report: lists the cases with the greatest magnitude of this figure; may be repeated")
@@ -159,8 +185,8 @@ int execute(int argc, char** argv, bool& running) {
       ->check(number_check(0, 1000));
   outputs
       .add("--plot", options.picture,
-           "report: picture of the --figure: its histogram, over one axis a fan of its percentiles, or over two a\n"
-           "heat map of its mean; the data stand beside it, as FILE.plot.csv")
+           "report: picture of the --figure: its histogram, over one axis or time a fan of its percentiles, or over\n"
+           "two axes a heat map of its mean; the data stand beside it, as FILE.plot.csv")
       ->type_name("FILE.svg|FILE.png");
   app.footer(
       "\nExit codes: 0 done, 1 failed while running, 2 the command line is wrong or DIR is no campaign, 3 done, but "

@@ -349,6 +349,19 @@ class ReportTest(unittest.TestCase):
                     if words == 0:
                         self.assertEqual(sum(int(row.split(",")[3]) for row in data[1:]),
                                          sum(1 for row in rows if figure != "test.error_deg" or row["test"]["metrics"]))
+            # Values over time, in the order of their times; the rows lack some of them.
+            over_time = [row_of(i, figures={"e": 1.5, "e@10": float(i), "e@2.5": i / 4.0 if i % 2 else None}) for i in range(100)]
+            write_all(folder.path / "t", over_time, 100)
+            text = folder.run("report", "t", "--figure", "e", "--over", "time", "--plot", "o.svg").stdout
+            self.assertIn("\ne@2.5 ", text)
+            data = (folder.path / "o.plot.csv").read_text().splitlines()
+            self.assertEqual([row.split(",")[:3] for row in data[1:]], [["over_time", "2.5", "50"], ["over_time", "10", "100"]])
+            quantiles = statistics.quantiles([float(i) for i in range(100)], n=20, method="inclusive")
+            for cell, i in zip(data[2].split(",")[4:], (0, 4, 9, 14, 18), strict=True):
+                self.assertAlmostEqual(float(cell), quantiles[i], 9)
+            self.assertGreater((folder.path / "o.svg").stat().st_size, 2000)
+            self.assertNotIn("e@10", folder.run("report", "t").stdout)
+            self.assertIn("no case has imu1.late@TIME", folder.run("report", "c", "--figure", "imu1.late", "--over", "time", expected=2).stderr)
             # Another program's file is not replaced.
             (folder.path / "q.plot.csv").write_text("time_s,x\n")
             self.assertIn("move it", folder.run("report", "c", "--figure", "imu1.late", "--plot", "q.png", expected=2).stderr)

@@ -123,13 +123,31 @@ CampaignPicture histogram(const CaseStatistics& statistics, std::size_t number, 
   return {data, text};
 }
 
+constexpr std::string_view percentile_columns = "p5,p25,p50,p75,p95";
+
+// Returns ",p5,p25,..." of sorted numbers.
+std::string percentile_cells(const std::vector<double>& sorted) {
+  std::string cells;
+  for (const double share : {0.05, 0.25, 0.5, 0.75, 0.95}) cells += fmt::format(",{}", percentile(sorted, share));
+  return cells;
+}
+
+// Returns the command that draws rows with their places, the means and the percentiles.
+std::string fan_commands(const std::string& figure, const std::string& file) {
+  return fmt::format("set ylabel {} noenhanced\nplot ", in_quotes(figure)) + file +
+         "2:5:9 with filledcurves linecolor 1 title '5 to 95 %', \\\n  " + file +
+         "2:6:8 with filledcurves linecolor 1 fillstyle transparent solid 0.45 title '25 to 75 %', \\\n  " + file +
+         "2:7 with linespoints linecolor 'black' pointtype 7 title '50 %', \\\n  " + file +
+         "2:4 with lines linecolor 'black' dashtype 2 title 'mean'\n";
+}
+
 CampaignPicture fan(const CaseStatistics& statistics, std::size_t number, std::size_t axis,
                     const std::string& data_path, const std::string& picture) {
   const Figure& figure = statistics.figures()[number];
   const Scale scale = scale_of(statistics.axes()[axis]);
   const auto sorted = statistics.sorted_by(number, axis);
   std::string data = fmt::format("{},place,runs,mean,{},value\n", campaign_data,
-                                 figure.is_expectation ? "low,high" : "p5,p25,p50,p75,p95");
+                                 figure.is_expectation ? "low,high" : percentile_columns);
   std::uint64_t runs = 0;
   for (std::size_t i = 0; i < scale.order.size(); ++i) {
     const std::size_t value = scale.order[i];
@@ -142,8 +160,7 @@ CampaignPicture fan(const CaseStatistics& statistics, std::size_t number, std::s
       const Interval interval = wilson_interval(moments.passes, moments.runs);
       data += fmt::format(",{},{}", 100 * interval.low, 100 * interval.high);
     } else {
-      for (const double share : {0.05, 0.25, 0.5, 0.75, 0.95})
-        data += fmt::format(",{}", percentile(sorted[value], share));
+      data += percentile_cells(sorted[value]);
     }
     data += "," + csv_field(on_one_line(scale.axis.values[value])) + "\n";
   }
@@ -157,12 +174,7 @@ CampaignPicture fan(const CaseStatistics& statistics, std::size_t number, std::s
     return {data, text + "set ylabel 'passed in %'\nset yrange [-2:102]\nplot " + file +
                       "2:5:6 with filledcurves linecolor 1 title '95 % interval (Wilson)', \\\n  " + file +
                       "2:4 with linespoints linecolor 1 pointtype 7 title 'pass rate'\n"};
-  return {data,
-          text + fmt::format("set ylabel {} noenhanced\nplot ", in_quotes(figure.name)) + file +
-              "2:5:9 with filledcurves linecolor 1 title '5 to 95 %', \\\n  " + file +
-              "2:6:8 with filledcurves linecolor 1 fillstyle transparent solid 0.45 title '25 to 75 %', \\\n  " +
-              file + "2:7 with linespoints linecolor 'black' pointtype 7 title '50 %', \\\n  " + file +
-              "2:4 with lines linecolor 'black' dashtype 2 title 'mean'\n"};
+  return {data, text + fan_commands(figure.name, file)};
 }
 
 CampaignPicture heat_map(const CaseStatistics& statistics, std::size_t number, const std::vector<std::size_t>& axes,
@@ -208,6 +220,23 @@ CampaignPicture heat_map(const CaseStatistics& statistics, std::size_t number, c
 }
 
 }  // namespace
+
+CampaignPicture draw_over_time(const CaseStatistics& statistics, const std::string& name,
+                               const std::string& data_path, const std::string& picture) {
+  std::string data = fmt::format("{},time_s,runs,mean,{}\n", campaign_data, percentile_columns);
+  std::uint64_t runs = 0;
+  for (const auto& [time_s, number] : statistics.find_over_time(name)) {
+    const Moments& all = statistics.figures()[number].all;
+    if (all.runs == 0) continue;
+    runs = std::max(runs, all.runs);
+    data += fmt::format("over_time,{},{},{}{}\n", time_s, all.runs, all.mean,
+                        percentile_cells(statistics.sorted(number)));
+  }
+  if (runs == 0) throw std::runtime_error(fmt::format("--plot: no case has a number for {}", name));
+  return {data, begin(picture, fmt::format("{}: {}", name, cases_text(statistics, runs)), 900, 560) +
+                    "set xlabel 'time in s'\nset autoscale xfix\n" +
+                    fan_commands(name, in_quotes(data_path) + " every ::1 using ") + "unset output\n"};
+}
 
 CampaignPicture draw_campaign(const CaseStatistics& statistics, std::size_t figure,
                               const std::vector<std::size_t>& axes, const std::string& data_path,

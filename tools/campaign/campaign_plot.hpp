@@ -24,4 +24,8 @@ CampaignPicture draw_campaign(const CaseStatistics& statistics, std::size_t figu
                               const std::vector<std::size_t>& axes, const std::string& data_path,
                               const std::string& picture);
 
+// Draws the fan of percentiles of the figures "NAME@TIME" over the time; the rest is as above.
+CampaignPicture draw_over_time(const CaseStatistics& statistics, const std::string& name,
+                               const std::string& data_path, const std::string& picture);
+
 }  // namespace imud

@@ -149,6 +149,7 @@ std::vector<std::size_t> figures_to_show(const CaseStatistics& statistics, bool 
     const Figure& figure = statistics.figures()[i];
     if (figure.is_expectation || figure.all.runs == 0) continue;
     all.push_back(i);
+    if (figure.name.find('@') != figure.name.npos) continue;
     if (figure.name.starts_with("test.") && figure.name != "test.exit_code") metrics.push_back(i);
     if (figure.all.min < figure.all.max) varying.push_back(i);
   }

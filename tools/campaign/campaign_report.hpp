@@ -11,7 +11,7 @@
 namespace imud {
 
 // Returns the figures to show: if the user has named some, all of these; otherwise the metrics of the test, or, if
-// there are none, the figures that are not the same in all cases.
+// there are none, the figures that are not the same in all cases; in either case without "NAME@TIME".
 std::vector<std::size_t> figures_to_show(const CaseStatistics& statistics, bool is_asked);
 
 // Returns the order in which to show an axis: by number if all its values are numbers, otherwise as they came.

@@ -39,6 +39,12 @@ CaseStatistics::CaseStatistics(Options options) : options_(std::move(options)), 
   for (const std::string& figure : options_.worst) worst_.push_back({figure, {}, false});
 }
 
+bool CaseStatistics::is_asked(const std::string& name) const {
+  return options_.figures.empty() || std::ranges::any_of(options_.figures, [&](const std::string& figure) {
+           return name == figure || (options_.over_time && name.starts_with(figure + "@"));
+         });
+}
+
 void CaseStatistics::use_new_columns(const CaseRow& row) {
   for (std::size_t i = uses_.size(); i < row.columns().size(); ++i) {
     const CaseColumn& column = row.columns()[i];
@@ -52,7 +58,7 @@ void CaseStatistics::use_new_columns(const CaseRow& row) {
     const bool is_expectation = column.group == CaseGroup::expectation;
     const bool is_figure = column.group == CaseGroup::figure || column.group == CaseGroup::test;
     if (!is_expectation && !is_figure) continue;
-    if (is_expectation || options_.figures.empty() || std::ranges::count(options_.figures, name) > 0) {
+    if (is_expectation || is_asked(name)) {
       use.figure = figures_.size();
       Figure& figure = figures_.emplace_back();
       figure.name = name;
@@ -158,6 +164,15 @@ std::optional<std::size_t> CaseStatistics::find_figure(const std::string& name) 
 
 std::optional<std::size_t> CaseStatistics::find_axis(const std::string& name) const {
   return find_named(axes_, name);
+}
+
+std::vector<std::pair<double, std::size_t>> CaseStatistics::find_over_time(const std::string& name) const {
+  std::vector<std::pair<double, std::size_t>> all;
+  for (std::size_t i = 0; i < figures_.size(); ++i)
+    if (const std::string& one = figures_[i].name; one.starts_with(name + "@"))
+      if (const auto time_s = number_of(one.substr(name.size() + 1))) all.emplace_back(*time_s, i);
+  std::ranges::sort(all);
+  return all;
 }
 
 std::vector<double> CaseStatistics::sorted(std::size_t figure) const {

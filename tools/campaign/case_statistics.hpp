@@ -7,6 +7,7 @@
 #include <optional>
 #include <string>
 #include <unordered_map>
+#include <utility>
 #include <vector>
 
 #include "tools/campaign/case_row.hpp"
@@ -21,6 +22,7 @@ class CaseStatistics {
 
   struct Options {
     std::vector<std::string> figures;  // names as in the table; empty: every figure and metric
+    bool over_time = false;            // with each of `figures` goes "NAME@TIME", too
     std::vector<std::string> worst;    // figures whose greatest magnitudes are kept
     std::size_t count = 10;            // of the worst and of the failed cases
     std::size_t bytes = 256 << 20;     // for percentiles
@@ -69,6 +71,8 @@ class CaseStatistics {
   // Returns the number of the figure or axis of that name; nullopt if no case has it.
   std::optional<std::size_t> find_figure(const std::string& name) const;
   std::optional<std::size_t> find_axis(const std::string& name) const;
+  // Returns the figures "NAME@TIME" of a name, with their times in ascending order.
+  std::vector<std::pair<double, std::size_t>> find_over_time(const std::string& name) const;
 
   // Returns the number of a figure in a row of the sample; NaN if the case lacks it.
   double number(std::size_t row, std::size_t figure) const noexcept;
@@ -81,6 +85,7 @@ class CaseStatistics {
   struct Use {
     std::optional<std::size_t> axis, figure, worst;
   };
+  bool is_asked(const std::string& name) const;
   void use_new_columns(const CaseRow& row);
   std::string description(const CaseRow& row) const;
   void note_failure(const CaseRow& row);
