@@ -186,7 +186,10 @@ std::optional<CaseRunner::Result> CaseRunner::run(std::uint64_t index, const std
     if (recorder) recorder->finish();
     Outcome& outcome = summary.whole->outcome;
     if (outcome.ended_by == EndedBy::signal) return std::nullopt;
-    const Row of_test = tested ? tested->end(stop, outcome.shortfalls) : Row();
+    std::vector<std::string> shortfalls;
+    const Row of_test = tested ? tested->end(stop, shortfalls) : Row();
+    // Before their consequences: the first one is what a run prints.
+    outcome.shortfalls.insert(outcome.shortfalls.begin(), shortfalls.begin(), shortfalls.end());
     if (tested && stop) return std::nullopt;  // it may have been killed
 
     Row row = begin_of_row(campaign_, one, identity_with_seed(prepared_->identity, one.seed));

@@ -11,7 +11,6 @@
 
 #include <algorithm>
 #include <array>
-#include <boost/algorithm/string/replace.hpp>
 #include <cerrno>
 #include <chrono>
 #include <climits>
@@ -21,6 +20,7 @@
 #include <filesystem>
 #include <fstream>
 #include <stdexcept>
+#include <string_view>
 #include <system_error>
 
 #include "emulator/ground/shell_word.hpp"
@@ -135,11 +135,42 @@ constexpr std::size_t longest_command =
   ::_exit(0);
 }
 
+// Returns a text as a part of a word that stands in quotes already.
+std::string within_quotes(std::string_view text, char quote) {
+  std::string part;
+  for (const char c : text) {
+    if (quote == '\'' && c == '\'')
+      part += "'\\''";
+    else if (quote == '"' && std::string_view("\\\"$`").find(c) != std::string_view::npos)
+      part += {'\\', c};
+    else
+      part += c;
+  }
+  return part;
+}
+
 }  // namespace
 
 std::string with_values(std::string command, const std::map<std::string, std::string>& values) {
-  for (const auto& [name, value] : values) boost::replace_all(command, "{" + name + "}", shell_word(value));
-  return command;
+  // In one pass: a value may have the name of another one in braces.
+  std::string text;
+  char quote = '\0';  // within which the place is
+  for (std::size_t at = 0; at < command.size();) {
+    const std::size_t end = command[at] == '{' ? command.find('}', at) : command.npos;
+    const auto value = end == command.npos ? values.end() : values.find(command.substr(at + 1, end - at - 1));
+    if (value == values.end()) {
+      const char c = command[at++];
+      text += c;
+      if (c == '\\' && quote != '\'' && at < command.size())
+        text += command[at++];
+      else if ((c == '\'' || c == '"') && (quote == '\0' || quote == c))
+        quote = quote == c ? '\0' : c;
+      continue;
+    }
+    text += quote == '\0' ? shell_word(value->second) : within_quotes(value->second, quote);
+    at = end + 1;
+  }
+  return text;
 }
 
 TestCommand::TestCommand(const Options& options) {

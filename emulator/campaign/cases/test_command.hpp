@@ -12,7 +12,8 @@
 
 namespace imud {
 
-// Returns the command with the value of each name in place of `{NAME}`, in quotes where the shell would divide it.
+// Returns the command with the value of each name in place of `{NAME}`, so that it is one word for the shell, or a
+// part of one: in quotes where the shell would divide it, unless `{NAME}` stands in quotes already.
 std::string with_values(std::string command, const std::map<std::string, std::string>& values);
 
 // A process of the shell with all that it starts. A supervisor, which adopts orphans of it, ends them at the time

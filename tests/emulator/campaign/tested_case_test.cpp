@@ -7,6 +7,7 @@
 #include <csignal>
 #include <cstdlib>
 #include <filesystem>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <random>
 #include <string>
@@ -14,6 +15,7 @@
 #include <thread>
 #include <vector>
 
+#include "emulator/campaign/cases/test_command.hpp"
 #include "emulator/campaign/cases/test_metrics.hpp"
 #include "emulator/campaign/shards/result_folder.hpp"
 #include "tests/emulator/campaign/campaign_test.hpp"
@@ -157,8 +159,10 @@ TEST_F(TestedCases, ACommandThatNeverReadsDoesNotHoldTheCase) {
   EXPECT_EQ(done.exit_code, 3) << done.errors;
   for (const nlohmann::json& row : rows("runs")) {
     EXPECT_EQ(row["test"]["exit_code"], 7);
-    EXPECT_TRUE(contains(row["shortfalls"].dump(), "the test has not opened {port}"));
+    EXPECT_EQ(row["shortfalls"].at(0), "the test has not opened {port}") << row;
+    EXPECT_EQ(row["shortfalls"].at(1), "the test has ended with 7") << "before the frames that nobody has read";
   }
+  EXPECT_TRUE(contains(done.errors, "case 0: the test has not opened {port}")) << done.errors;
 }
 
 // A driver that discards its input after it has opened the port: when it has some, or 0.2 s later.
@@ -283,11 +287,18 @@ TEST_F(TestedCases, CasesWithoutAFolderCouldNotBeRun) {
   EXPECT_TRUE(contains(done.output, "12 could not be run, 0 incomplete")) << done.output;
 }
 
+TEST(TestCommands, AValueIsReplacedOnceAndStaysOneWord) {
+  EXPECT_EQ(with_values("a {x} {y} {z {x}", {{"x", "{y}"}, {"y", "1"}}), "a '{y}' 1 {z '{y}'");
+  const std::map<std::string, std::string> value = {{"x", "a 'b' $c"}};
+  EXPECT_EQ(with_values("{x} \"{x}\" '{x}' \\\"{x}", value),
+            R"('a '\''b'\'' $c' "a 'b' \$c" 'a '\''b'\'' $c' \"'a '\''b'\'' $c')");
+}
+
 TEST_F(TestedCases, AFolderWithABlankIsOneWord) {
   const std::string scratch = path("with 'a' blank");
   std::filesystem::create_directory(scratch);
   ::setenv("TMPDIR", scratch.c_str(), 1);
-  const ProgramResult done = run("runs", "cat {port} > /dev/null; echo {} > {metrics}");
+  const ProgramResult done = run("runs", R"(cat "{port}" > /dev/null; echo {} > '{metrics}')");
   ::unsetenv("TMPDIR");
   EXPECT_EQ(done.exit_code, 0) << done.errors;
   EXPECT_EQ(rows("runs").size(), 4U);
