@@ -132,6 +132,14 @@ class Workers {
     }
     return any;
   }
+  // Returns the open items of the workers.
+  std::vector<std::size_t> open() noexcept {
+    std::vector<std::size_t> open;
+    for (std::size_t i = 0; i < all_.size(); ++i)
+      if (const std::size_t item = items_.open(i); all_[i].process > 0 && item != SharedItems::none)
+        open.push_back(item);
+    return open;
+  }
   // Begins no further item.
   void begin_no_more() noexcept { items_.end(); }
   const std::string& failure() const noexcept { return failure_; }
@@ -152,11 +160,13 @@ class Workers {
     all_[number] = {process, std::move(read)};
   }
   void end_all() noexcept {
+    const std::vector<std::size_t> last = open();
     for (Worker& worker : all_)
       if (worker.process > 0) {
         ::kill(worker.process, SIGKILL);
         ::waitpid(worker.process, nullptr, 0);
       }
+    if (!last.empty()) workers_.at_work(last);
   }
 
   void receive(std::size_t number) {
@@ -187,6 +197,7 @@ class Workers {
     while (::waitpid(worker.process, &status, 0) < 0 && errno == EINTR) {
     }
     worker.process = 0;
+    if (const std::size_t item = items_.open(number); item != SharedItems::none) workers_.at_work({item});
     if (WIFEXITED(status) && WEXITSTATUS(status) == 0) return;
     const std::string cause = WIFSIGNALED(status)
                                   ? fmt::format("a worker process was ended by signal {}", WTERMSIG(status))
@@ -229,10 +240,11 @@ void catch_workers_stop() noexcept {
 const std::atomic<bool>& workers_stop() noexcept { return stop; }
 
 bool run_workers(const WorkerProcesses& processes, std::size_t items) {
-  catch_workers_stop();
+  if (!processes.goes_on) catch_workers_stop();
   Workers workers(processes, items);
   while (workers.serve()) {
     processes.tick();
+    processes.at_work(workers.open());
     if (processes.is_enough()) workers.begin_no_more();
   }
   if (!workers.failure().empty()) throw std::runtime_error(workers.failure());

@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <functional>
 #include <string>
+#include <vector>
 
 namespace imud {
 
@@ -22,6 +23,11 @@ struct WorkerProcesses {
   // workers have died is lost: this is called with the cause. Then `take` may receive an item twice, or an item that
   // is lost. Empty: a death ends all workers.
   std::function<void(std::size_t item, const std::string& cause)> lose = nullptr;
+  // Receives the items that workers have open, in the calling process: after each tick, and of a worker when it ends.
+  // It may have sent the text of the item already.
+  std::function<void(const std::vector<std::size_t>& items)> at_work = [](const auto&) {};
+  // The items are the rest of earlier work: a signal that has come since that began ends them, too.
+  bool goes_on = false;
 };
 
 // Does the items 0 to `items` - 1, each once, as long as they are needed. Call it while the process has one thread.

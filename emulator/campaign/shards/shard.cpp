@@ -63,6 +63,12 @@ FileDescriptor create(const std::filesystem::path& path) {
   return file;
 }
 
+// Opens a temporary file that a worker of this process may have created.
+FileDescriptor open_claimed(const std::filesystem::path& path) {
+  FileDescriptor file(::open(path.c_str(), O_WRONLY | O_TRUNC | O_CLOEXEC));
+  return file ? std::move(file) : create(path);
+}
+
 void write_text(int file, std::string_view text, const std::filesystem::path& path) {
   if (const int error = write_whole(file, std::as_bytes(std::span(text))); error != 0) fail(path, error);
 }
@@ -139,6 +145,28 @@ RowResult::RowResult(std::string_view row) {
     shortfall = all->front().get<std::string>();
 }
 
+void CaseTally::add(const RowResult& row) noexcept {
+  CaseTally one;
+  (row.could_not_be_run     ? one.could_not_be_run
+   : row.expectation_failed ? one.expectations_failed
+                            : one.incomplete) = row.could_not_be_run || row.exit_code != 0 ? 1 : 0;
+  one.exit_code = row.exit_code;
+  add(one);
+}
+
+void CaseTally::add(const CaseTally& other) noexcept {
+  could_not_be_run += other.could_not_be_run;
+  expectations_failed += other.expectations_failed;
+  incomplete += other.incomplete;
+  const auto badness = [](int code) { return code == 0 ? 0 : code == 3 ? 1 : 2; };
+  if (badness(other.exit_code) > badness(exit_code)) exit_code = other.exit_code;
+}
+
+std::string CaseTally::text() const {
+  return fmt::format("cases    {} could not be run, {} incomplete or with failed expectations\n", could_not_be_run,
+                     expectations_failed + incomplete);
+}
+
 std::string shard_name(const CaseRange& cases) {
   return fmt::format("{:09}-{:09}{}", cases.first, cases.last, suffix_of_shard);
 }
@@ -188,6 +216,10 @@ std::optional<Shard> read_shard(const std::filesystem::path& path, std::string& 
 TemporaryFile::TemporaryFile(std::string of)
     : name(std::move(of)), host(this_host()), space(this_space()), process(::getpid()) {}
 
+TemporaryFile TemporaryFile::of_shard(const CaseRange& cases) {
+  return TemporaryFile(fmt::format("{:09}-{:09}", cases.first, cases.last));
+}
+
 std::optional<TemporaryFile> TemporaryFile::parse(std::string_view file_name) {
   if (!file_name.starts_with('.') || !file_name.ends_with(suffix_of_temporary)) return std::nullopt;
   file_name = file_name.substr(1, file_name.size() - 1 - suffix_of_temporary.size());
@@ -215,8 +247,8 @@ bool TemporaryFile::is_left_behind() const {
 ShardWriter::ShardWriter(std::filesystem::path folder, const ShardHead& head)
     : folder_(std::move(folder)),
       cases_(head.cases),
-      temporary_(folder_ / TemporaryFile(fmt::format("{:09}-{:09}", cases_.first, cases_.last)).file_name()),
-      file_(create(temporary_)) {
+      temporary_(folder_ / TemporaryFile::of_shard(cases_).file_name()),
+      file_(open_claimed(temporary_)) {
   write(header_of(head));
 }
 
@@ -242,7 +274,7 @@ void ShardWriter::add(std::string_view row) {
   write(row);
 }
 
-void ShardWriter::commit() {
+bool ShardWriter::commit() {
   if (rows_ != cases_.size())
     throw std::runtime_error(fmt::format("{}: {} of {} rows", temporary_.string(), rows_, cases_.size()));
   const std::string footer = footer_of(rows_, digest_.end());
@@ -251,9 +283,13 @@ void ShardWriter::commit() {
   if (::fsync(file_.get()) != 0) fail(temporary_, errno);
   file_.reset();
   const std::filesystem::path path = folder_ / shard_name(cases_);
-  if (::rename(temporary_.c_str(), path.c_str()) != 0) fail(path, errno);
+  if (::rename(temporary_.c_str(), path.c_str()) != 0) {
+    if (errno == ENOENT) return false;
+    fail(path, errno);
+  }
   is_whole_ = true;
   keep_names(folder_);
+  return true;
 }
 
 bool write_once(const std::filesystem::path& path, std::string_view text) {

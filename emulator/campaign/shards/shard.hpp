@@ -51,6 +51,19 @@ struct RowResult {
   explicit RowResult(std::string_view row);
 };
 
+// How cases have ended.
+struct CaseTally {
+  std::uint64_t could_not_be_run = 0;     // cases with an error in place of a run
+  std::uint64_t expectations_failed = 0;  // cases with an expectation that does not hold
+  std::uint64_t incomplete = 0;           // other cases whose exit code is not 0
+  int exit_code = 0;                      // the worst: 1 is worse than 3, and 3 than 0
+
+  void add(const RowResult& row) noexcept;
+  void add(const CaseTally& other) noexcept;
+  // Returns the line of it at the end of a run.
+  std::string text() const;
+};
+
 // Returns the name of the file in the folder `shards`: "000000000-000000099.jsonl".
 std::string shard_name(const CaseRange& cases);
 // Returns the cases of such a name; nullopt if it is the name of no shard.
@@ -69,6 +82,8 @@ struct TemporaryFile {
 
   // A file of this process.
   explicit TemporaryFile(std::string name);
+  // The file of this process for a shard.
+  static TemporaryFile of_shard(const CaseRange& cases);
   // Returns the parts of a file's name; nullopt if it is the name of no temporary file.
   static std::optional<TemporaryFile> parse(std::string_view file_name);
   std::string file_name() const;
@@ -79,8 +94,8 @@ struct TemporaryFile {
   TemporaryFile() = default;
 };
 
-// Writes a shard into a temporary file, which the destructor removes if the shard is not whole. All functions throw
-// std::runtime_error, which names the file and the cause, such as a full disk.
+// Writes a shard into a temporary file, also one that is there already, which the destructor removes if the shard is
+// not whole. All functions throw std::runtime_error, which names the file and the cause, such as a full disk.
 class ShardWriter {
  public:
   ShardWriter(std::filesystem::path folder, const ShardHead& head);
@@ -91,7 +106,8 @@ class ShardWriter {
   // Adds the row of the next case.
   void add(std::string_view row);
   // Writes the footer, waits until the disk has the file, and gives it its name. The rows of all cases were added.
-  void commit();
+  // Returns false if somebody has removed the temporary file: then there is no shard.
+  bool commit();
 
  private:
   void write(std::string_view line);
