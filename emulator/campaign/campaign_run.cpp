@@ -9,11 +9,8 @@
 #include <filesystem>
 #include <fstream>
 #include <iterator>
-#include <map>
-#include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
-#include <set>
 #include <stdexcept>
 #include <string_view>
 #include <thread>
@@ -24,6 +21,7 @@
 #include "emulator/campaign/cases/case_figures.hpp"
 #include "emulator/campaign/missing_cases.hpp"
 #include "emulator/campaign/shards/sequential_stop.hpp"
+#include "emulator/campaign/shards_at_work.hpp"
 #include "emulator/config/config_text.hpp"
 #include "emulator/ground/progress_line.hpp"
 #include "emulator/ground/text_file.hpp"
@@ -77,111 +75,6 @@ void check_range(const CaseRange& cases, const CampaignDescription& campaign) {
         cases.first, cases.last, campaign.batch, first.first, last.last));
 }
 
-// Writes the shards from rows that come in any order.
-class ShardsAtWork {
- public:
-  ShardsAtWork(const ResultFolder& folder, const MissingCases& cases) : folder_(folder), cases_(cases) {}
-
-  // Takes the row of an item. A row that has come before changes nothing.
-  void take(std::uint64_t item, std::string row) {
-    const std::size_t number = cases_.shard_of(item);
-    const ShardToWrite& shard = cases_.shards()[number];
-    if (is_done(number)) return;
-    const auto [entry, is_new] = at_work_.try_emplace(number, shard.cases.first);
-    AtWork& at_work = entry->second;
-    if (is_new && shard.kept() > 0) at_work.rows = rows_that_stay(shard);
-    const std::uint64_t index = shard.case_of_item(item - shard.before);
-    const bool has_failed = RowResult(row).could_not_be_run;
-    if (index < at_work.next || !at_work.rows.emplace(index, std::move(row)).second) return;
-    ++done_;
-    at_work.failed += has_failed ? 1 : 0;
-    if (!at_work.writer)
-      at_work.writer = std::make_unique<ShardWriter>(folder_.shards_path(), folder_.campaign().head(shard.cases));
-    for (auto row = at_work.rows.begin(); row != at_work.rows.end() && row->first == at_work.next;
-         row = at_work.rows.erase(row), ++at_work.next)
-      at_work.writer->add(row->second);
-    if (at_work.next <= shard.cases.last) return;
-    if (!is_there_as_good(shard, at_work.failed)) {
-      at_work.writer->commit();
-      ++written_;
-    }
-    end(number);
-  }
-  // Another process has written the shard of the item. Returns false if that was known.
-  bool leave(std::uint64_t item) {
-    const std::size_t number = cases_.shard_of(item);
-    if (is_done(number)) return false;
-    const auto at_work = at_work_.find(number);
-    const ShardToWrite& shard = cases_.shards()[number];
-    const std::uint64_t had = at_work == at_work_.end() ? 0
-                                                        : at_work->second.next - shard.cases.first +
-                                                              at_work->second.rows.size() - shard.kept();
-    done_ += shard.items() - had;
-    end(number);
-    return true;
-  }
-
-  bool has(std::uint64_t item) const {
-    const std::size_t number = cases_.shard_of(item);
-    if (is_done(number)) return true;
-    const auto at_work = at_work_.find(number);
-    if (at_work == at_work_.end()) return false;
-    const ShardToWrite& shard = cases_.shards()[number];
-    const std::uint64_t index = shard.case_of_item(item - shard.before);
-    return index < at_work->second.next || at_work->second.rows.contains(index);
-  }
-  std::uint64_t done() const noexcept { return done_; }        // items
-  std::uint64_t stored() const noexcept { return stored_; }    // items in shards that are whole
-  std::uint64_t written() const noexcept { return written_; }  // shards
-  bool are_all_done() const noexcept { return ended_ == cases_.shards().size(); }
-
- private:
-  struct AtWork {
-    explicit AtWork(std::uint64_t first) : next(first) {}
-    std::map<std::uint64_t, std::string> rows = {};  // that have come, and are not written, by their cases
-    std::uint64_t next;                              // the case of the next row to write
-    std::uint64_t failed = 0;                        // cases that could not be run
-    std::unique_ptr<ShardWriter> writer;
-  };
-  bool is_done(std::size_t number) const { return number < first_not_done_ || (done_ahead_.contains(number)); }
-  std::map<std::uint64_t, std::string> rows_that_stay(const ShardToWrite& shard) const {
-    std::string fault;
-    std::optional<Shard> there = folder_.read(shard.cases, fault);
-    if (!there)
-      throw std::runtime_error(fmt::format("{} {} since this began; try again", shard_name(shard.cases), fault));
-    std::map<std::uint64_t, std::string> rows;
-    for (std::uint64_t index = shard.cases.first; index <= shard.cases.last; ++index)
-      if (!std::ranges::binary_search(shard.to_run, index))
-        rows.emplace(index, std::move(there->rows[index - shard.cases.first]));
-    return rows;
-  }
-  // Returns true if another process has written the shard meanwhile, with as few cases that could not be run.
-  bool is_there_as_good(const ShardToWrite& shard, std::uint64_t failed) const {
-    if (!folder_.has(shard.cases)) return false;
-    std::string fault;
-    const std::optional<Shard> there = folder_.read(shard.cases, fault);
-    if (!there) return false;
-    const auto failed_there =
-        std::ranges::count_if(there->rows, [](const std::string& row) { return RowResult(row).could_not_be_run; });
-    const auto most = static_cast<std::ptrdiff_t>(failed);
-    return shard.replaces ? failed_there < most : failed_there <= most;
-  }
-  void end(std::size_t number) {
-    at_work_.erase(number);
-    stored_ += cases_.shards()[number].items();
-    ++ended_;
-    done_ahead_.insert(number);
-    while (done_ahead_.erase(first_not_done_) > 0) ++first_not_done_;
-  }
-
-  const ResultFolder& folder_;
-  const MissingCases& cases_;
-  std::map<std::size_t, AtWork> at_work_;  // by the number of the shard
-  std::size_t first_not_done_ = 0;
-  std::set<std::size_t> done_ahead_;  // shards behind it that are done
-  std::uint64_t done_ = 0, stored_ = 0, written_ = 0, ended_ = 0;
-};
-
 // Throws OpenError if the missing cases do not fit the disk. Rows that are there say how long one is.
 void require_room_for(const MissingCases& missing, const ResultFolder& folder, const Campaign& campaign,
                       CaseRunner& runner) {
@@ -201,8 +94,123 @@ void require_room_for(const MissingCases& missing, const ResultFolder& folder, c
   require_room(folder.path().string(), missing.items(), row_bytes);
 }
 
-// The text of a worker for a case that another process has done meanwhile, and for one that a signal has ended.
-constexpr std::string_view left_to_others = "-", was_stopped;
+// The text of a worker for a case that another process has done meanwhile, for one that another process is at work
+// on, and for one that a signal has ended.
+constexpr std::string_view left_to_others = "-", put_off = "+", was_stopped;
+
+// The run of the cases that are missing: what a worker does with a case, and what becomes of its text.
+class MissingRun {
+ public:
+  MissingRun(const ResultFolder& folder, CaseRunner& runner, const MissingCases& missing,
+             const CampaignRunOptions& options)
+      : folder_(folder),
+        runner_(runner),
+        missing_(missing),
+        options_(options),
+        progress_(!options.quiet),
+        claims_(folder),
+        shards_(folder, missing, claims_) {}
+
+  // Runs the cases until all are done, `stop` has ended, or a signal comes. Returns true if all are done.
+  bool run(SequentialStop& stop);
+  const ShardsAtWork& shards() const noexcept { return shards_; }
+
+ private:
+  std::string work(std::uint64_t item, bool yields);
+  void take(std::uint64_t item, std::string text);
+  void take_row(std::uint64_t item, std::string row);
+  bool is_done_by_others(const ShardToWrite& shard, bool is_repaired) const;
+
+  const ResultFolder& folder_;
+  CaseRunner& runner_;
+  const MissingCases& missing_;
+  const CampaignRunOptions& options_;
+  ProgressLine progress_;
+  ShardClaims claims_;
+  ShardsAtWork shards_;
+  std::uint64_t failed_ = 0, short_ = 0;  // cases that are logged
+};
+
+// A shard that was there at the begin counts as repaired if all its cases could be run.
+bool MissingRun::is_done_by_others(const ShardToWrite& shard, bool is_repaired) const {
+  if (!shard.replaces) return folder_.has(shard.cases);
+  std::string fault;
+  const auto there = is_repaired ? folder_.read(shard.cases, fault) : std::nullopt;
+  return there &&
+         std::ranges::none_of(there->rows, [](const std::string& row) { return RowResult(row).could_not_be_run; });
+}
+
+std::string MissingRun::work(std::uint64_t item, bool yields) {
+  const ShardToWrite& shard = missing_.shards()[missing_.shard_of(item)];
+  if (is_done_by_others(shard, !yields && !options_.cases)) return std::string(left_to_others);
+  if (!claims_.claim(shard.cases, yields)) return std::string(put_off);
+  std::optional<CaseRunner::Result> result = runner_.run(missing_.case_of(item), workers_stop(), {});
+  return result ? std::move(result->row) : std::string(was_stopped);
+}
+
+void MissingRun::take(std::uint64_t item, std::string text) {
+  if (text == left_to_others)
+    shards_.leave(item);
+  else if (text == put_off)
+    shards_.put_off(item);
+  else if (text != was_stopped && !shards_.has(item))
+    take_row(item, std::move(text));
+}
+
+void MissingRun::take_row(std::uint64_t item, std::string row) {
+  constexpr std::uint64_t most_logged = 10;
+  const RowResult result(row);
+  if (result.could_not_be_run && ++failed_ <= most_logged)
+    spdlog::error("case {}: {}", missing_.case_of(item), result.error);
+  if (!result.shortfall.empty() && ++short_ <= most_logged)
+    spdlog::warn("case {}: {}", missing_.case_of(item), result.shortfall);
+  shards_.take(item, std::move(row));
+}
+
+bool MissingRun::run(SequentialStop& stop) {
+  HostTime last_look = host_now();
+  const auto is_enough = [&, written = shards_.written()]() mutable {
+    constexpr double rarely_s = 2;  // other processes write shards, too
+    if (shards_.written() == written && seconds(host_now() - last_look) < rarely_s) return stop.has_ended();
+    written = shards_.written();
+    last_look = host_now();
+    return stop.look();
+  };
+  const unsigned jobs = options_.jobs > 0 ? options_.jobs : std::max(1U, std::thread::hardware_concurrency());
+  std::optional<std::vector<std::size_t>> again;  // the items of a later pass; nullopt: all
+  const auto item_of = [&again](std::size_t number) { return again ? (*again)[number] : number; };
+  const auto pass = [&](bool is_first) {
+    return run_workers(
+        {.jobs = jobs,
+         // The whole campaign is divided among runs of it. An array's tasks are divided already.
+         .work = [&](std::size_t number) { return work(item_of(number), is_first && !options_.cases); },
+         .take = [&](std::size_t number, std::string text) { take(item_of(number), std::move(text)); },
+         .tick = [&] { progress_.show(shards_.done(), missing_.items(), "cases"); },
+         .is_enough = is_enough,
+         .lose =
+             [&](std::size_t number, const std::string& cause) {
+               const std::size_t item = item_of(number);
+               if (!shards_.has(item)) take_row(item, runner_.row_of_failure(missing_.case_of(item), cause));
+             },
+         .at_work =
+             [&](std::vector<std::size_t> items) {
+               for (std::size_t& item : items) item = item_of(item);
+               shards_.go_on(items);
+             },
+         .goes_on = !is_first},
+        again ? again->size() : missing_.items());
+  };
+  // Who removes files again and again has to be stopped.
+  constexpr int most_passes = 5;
+  bool goes_on = pass(true);
+  for (int i = 1; goes_on && i < most_passes && !stop.has_ended(); ++i) {
+    again = shards_.end_of_pass();
+    if (again->empty()) break;
+    goes_on = pass(false);
+  }
+  progress_.clear();
+  return goes_on && shards_.are_all_done();
+}
 
 int run_missing(const ResultFolder& folder, const Campaign& campaign, CaseRunner& runner,
                 const CampaignRunOptions& options) {
@@ -225,83 +233,25 @@ int run_missing(const ResultFolder& folder, const Campaign& campaign, CaseRunner
   require_room_for(missing, folder, campaign, runner);
   if (missing.items() < all.size())
     spdlog::info("{} of {} cases are done already", all.size() - missing.items(), all.size());
-  ShardsAtWork shards(folder, missing);
-  ProgressLine progress(!options.quiet);
-  const unsigned jobs = options.jobs > 0 ? options.jobs : std::max(1U, std::thread::hardware_concurrency());
-  int exit_code = missing.kept().exit_code;
-  std::uint64_t failed = 0, incomplete = missing.kept().incomplete, short_cases = 0;
-  const auto take = [&](std::uint64_t item, std::string row) {
-    constexpr std::uint64_t most_logged = 10;
-    const RowResult result(row);
-    exit_code = worse_exit_code(exit_code, result.exit_code);
-    if (result.could_not_be_run) {
-      if (++failed <= most_logged) spdlog::error("case {}: {}", missing.case_of(item), result.error);
-    } else if (result.exit_code != 0) {
-      ++incomplete;
-    }
-    if (!result.shortfall.empty() && ++short_cases <= most_logged)
-      spdlog::warn("case {}: {}", missing.case_of(item), result.shortfall);
-    shards.take(item, std::move(row));
-  };
-  const auto leave = [&](std::uint64_t item) {
-    if (!shards.leave(item)) return;
-    std::string fault;
-    if (const auto there = folder.read(missing.shards()[missing.shard_of(item)].cases, fault))
-      for (const std::string& row : there->rows) exit_code = worse_exit_code(exit_code, RowResult(row).exit_code);
-  };
-  const auto work = [&](std::size_t item) {
-    const ShardToWrite& shard = missing.shards()[missing.shard_of(item)];
-    if (!shard.replaces && folder.has(shard.cases)) return std::string(left_to_others);
-    std::optional<CaseRunner::Result> result = runner.run(missing.case_of(item), workers_stop(), {});
-    return result ? std::move(result->row) : std::string(was_stopped);
-  };
-  HostTime last_look = begin;
-  const auto is_enough = [&, written = shards.written()]() mutable {
-    constexpr double rarely_s = 2;  // other processes write shards, too
-    if (shards.written() == written && seconds(host_now() - last_look) < rarely_s) return stop.has_ended();
-    written = shards.written();
-    last_look = host_now();
-    return stop.look();
-  };
-  const bool is_done = run_workers({.jobs = jobs,
-                                    .work = work,
-                                    .take =
-                                        [&](std::size_t item, std::string text) {
-                                          if (text == left_to_others)
-                                            leave(item);
-                                          else if (text != was_stopped && !shards.has(item))
-                                            take(item, std::move(text));
-                                        },
-                                    .tick = [&] { progress.show(shards.done(), missing.items(), "cases"); },
-                                    .is_enough = is_enough,
-                                    .lose =
-                                        [&](std::size_t item, const std::string& cause) {
-                                          if (!shards.has(item))
-                                            take(item, runner.row_of_failure(missing.case_of(item), cause));
-                                        }},
-                                   missing.items()) &&
-                       shards.are_all_done();
-  progress.clear();
+  MissingRun run(folder, runner, missing, options);
+  const bool is_done = run.run(stop);
+  const ShardsAtWork& shards = run.shards();
+  CaseTally tally = missing.kept().tally;
+  tally.add(shards.tally());
   if (stop.look()) {  // the cases behind the end do not count
-    failed = 0;
     const auto counted = stop.needed(given);
-    const MissingCases::Kept kept = counted ? MissingCases(folder, *counted, campaign).kept() : MissingCases::Kept();
-    incomplete = kept.incomplete;
-    exit_code = kept.exit_code;
+    tally = counted ? MissingCases(folder, *counted, campaign).kept().tally : CaseTally();
   } else if (!is_done) {
     spdlog::error(
         "incomplete: it was ended after {} of {} cases; {} further ones are lost with their shards; imud campaign "
         "resume {} does the others",
         shards.stored(), missing.items(), shards.done() - shards.stored(), folder.path().string());
-    exit_code = worse_exit_code(exit_code, 3);
+    tally.exit_code = worse_exit_code(tally.exit_code, 3);
   }
-  const double duration_s = seconds(host_now() - begin);
-  TextFile("-").write(
-      fmt::format("ran      {:.3f} s, {} cases, {} shards\ncases    {} could not be run, {} incomplete or with "
-                  "failed expectations\n",
-                  duration_s, shards.stored(), shards.written(), failed, incomplete));
+  TextFile("-").write(fmt::format("ran      {:.3f} s, {} cases, {} shards\n{}", seconds(host_now() - begin),
+                                  shards.stored(), shards.written(), tally.text()));
   if (const std::string text = stop.text(); !text.empty()) TextFile("-").write(fmt::format("until    {}\n", text));
-  return exit_code;
+  return tally.exit_code;
 }
 
 }  // namespace

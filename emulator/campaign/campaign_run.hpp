@@ -31,12 +31,12 @@ Campaign campaign_of(const ResultFolder& folder);
 void keep_plan_of(const ResultFolder& folder, const Campaign& campaign);
 
 // Runs the cases that are missing in the folder, are in a shard that is not whole, or could not be run before; in
-// processes, each of which runs many. Two calls at the same time do some cases twice, with the same results. Without
-// CampaignRunOptions::cases left-behind temporary files are removed first. Prints what was done, and the
-// progress on standard error. Returns the worst exit code of a case, whether it was run now or before; 3 if a
-// signal has ended it. Throws ConfigError and PortError if the first of the cases cannot be run, OpenError if the
-// folder has another campaign, cannot be written, or has no room for the results; std::runtime_error if a shard
-// cannot be written.
+// processes, each of which runs many. A shard at which another process is at work comes last in a run of the whole
+// campaign. Two calls at the same time can still do some cases twice, with the same results. Without
+// CampaignRunOptions::cases left-behind temporary files are removed first. Prints what was done, and the progress on
+// standard error. Returns the worst exit code of a case, whether it was run now or before; 3 if a signal has ended
+// it. Throws ConfigError and PortError if the first of the cases cannot be run, OpenError if the folder has another
+// campaign, cannot be written, or has no room for the results; std::runtime_error if a shard cannot be written.
 int run_campaign(const std::string& plan, const std::string& folder, const CampaignRunOptions& options);
 // The same with the plan of the folder.
 int resume_campaign(const std::string& folder, const CampaignRunOptions& options);

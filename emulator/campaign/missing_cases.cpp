@@ -11,7 +11,6 @@
 
 #include "emulator/campaign/campaign.hpp"
 #include "emulator/ground/text_file.hpp"
-#include "emulator/seeds/seed_results.hpp"
 
 namespace imud {
 
@@ -67,8 +66,7 @@ MissingCases::MissingCases(const ResultFolder& folder, const CaseRange& range, c
       checked = group;
       ++kept_.rows;
       kept_.bytes += row.size() + 1;
-      kept_.incomplete += result.exit_code != 0 ? 1 : 0;
-      kept_.exit_code = worse_exit_code(kept_.exit_code, result.exit_code);
+      kept_.tally.add(result);
     }
     if (!again.to_run.empty()) shards_.push_back(std::move(again));
   }

@@ -42,8 +42,8 @@ class MissingCases {
 
   // The rows that stay.
   struct Kept {
-    std::uint64_t rows = 0, incomplete = 0, bytes = 0;  // incomplete: their exit code is not 0
-    int exit_code = 0;                                  // the worst of them
+    std::uint64_t rows = 0, bytes = 0;
+    CaseTally tally = {};
   };
   const Kept& kept() const noexcept { return kept_; }
 

@@ -77,8 +77,7 @@ class SlurmRun {
     if (!queued) throw OpenError("Slurm does not say which tasks wait or run, so that none is submitted; try again");
     stop_.look();
     const MissingCases missing(folder, {0, stop_.cases() - 1}, campaign);
-    exit_code_ = missing.kept().exit_code;
-    incomplete_ = missing.kept().incomplete;
+    tally_ = missing.kept().tally;
     std::set<std::uint64_t> tasks;
     for (const ShardToWrite& shard : missing.shards()) {
       cases_ += shard.cases.size();
@@ -140,11 +139,10 @@ class SlurmRun {
   const SlurmQueue queue_;
   SequentialStop stop_{folder_};
   const HostTime begin_ = host_now();
-  std::map<std::uint64_t, Awaited> awaited_;                          // by the first case
-  std::map<std::uint64_t, std::set<std::uint64_t>> to_submit_;        // numbers in the array, by the array
-  std::uint64_t cases_ = 0, done_ = 0, failed_ = 0, incomplete_ = 0;  // done_: cases
-  std::uint64_t shards_ = 0;
-  int exit_code_ = 0;
+  std::map<std::uint64_t, Awaited> awaited_;                    // by the first case
+  std::map<std::uint64_t, std::set<std::uint64_t>> to_submit_;  // numbers in the array, by the array
+  std::uint64_t cases_ = 0, done_ = 0, shards_ = 0;             // done_: cases
+  CaseTally tally_;
   std::string last_job_;                                   // of the arrays in the queue
   std::size_t queued_ = 0;                                 // tasks, when the queue was last asked
   std::size_t refused_at_ = static_cast<std::size_t>(-1);  // queued tasks when sbatch has refused an array
@@ -223,14 +221,7 @@ void SlurmRun::look_at_shards() {
     std::string fault;
     const std::optional<Shard> read = folder_.read(cases, fault);
     if (!read) continue;  // MissingCases names a damaged one
-    for (const std::string& row : read->rows) {
-      const RowResult result(row);
-      exit_code_ = worse_exit_code(exit_code_, result.exit_code);
-      if (result.could_not_be_run)
-        ++failed_;
-      else if (result.exit_code != 0)
-        ++incomplete_;
-    }
+    for (const std::string& row : read->rows) tally_.add(RowResult(row));
     done_ += cases.size();
     ++shards_;
     awaited_.erase(shard);
@@ -240,10 +231,7 @@ void SlurmRun::look_at_shards() {
 
 // Counts the cases before the end alone, and cancels the tasks of the others.
 void SlurmRun::end_early() {
-  const MissingCases::Kept kept = MissingCases(folder_, {0, stop_.cases() - 1}, campaign_).kept();
-  exit_code_ = kept.exit_code;
-  incomplete_ = kept.incomplete;
-  failed_ = 0;
+  tally_ = MissingCases(folder_, {0, stop_.cases() - 1}, campaign_).kept().tally;
   std::set<std::string> jobs;
   if (const auto tasks = ask_queue())
     for (const QueuedTask& task : *tasks) jobs.insert(task.job);
@@ -266,7 +254,7 @@ int SlurmRun::end() {
   progress_.clear();
   const std::string folder = folder_.path().string();
   if (awaited_.empty() && stop_.has_ended()) end_early();
-  const int exit_code = awaited_.empty() ? exit_code_ : worse_exit_code(exit_code_, 3);
+  const int exit_code = awaited_.empty() ? tally_.exit_code : worse_exit_code(tally_.exit_code, 3);
   if (awaited_.empty()) folder_.remove_left_behind();
   if (!awaited_.empty() && workers_stop()) {
     spdlog::info(
@@ -286,10 +274,8 @@ int SlurmRun::end() {
         "campaign resume {} submits them again",
         awaited_.size(), fmt::join(missing, ", "), (StoredTasks::folder_in(folder_.path()) / "log").string(), folder);
   }
-  TextFile("-").write(fmt::format(
-      "ran      {:.3f} s, {} cases, {} shards\ncases    {} could not be run, {} incomplete or with failed "
-      "expectations\n",
-      seconds(host_now() - begin_), done_, shards_, failed_, incomplete_));
+  TextFile("-").write(fmt::format("ran      {:.3f} s, {} cases, {} shards\n{}", seconds(host_now() - begin_), done_,
+                                  shards_, tally_.text()));
   if (const std::string text = stop_.text(); !text.empty()) TextFile("-").write(fmt::format("until    {}\n", text));
   return exit_code;
 }

@@ -8,6 +8,8 @@
 #include <functional>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <system_error>
+#include <thread>
 #include <vector>
 
 #include "emulator/campaign/campaign_run.hpp"
@@ -227,6 +229,125 @@ TEST_F(CampaignFolders, FilesOfDeadHostsAreTakenAwayAfterADay) {
   EXPECT_FALSE(std::filesystem::exists(old));
   EXPECT_TRUE(std::filesystem::exists(young));
   EXPECT_EQ(nlohmann::json::parse(status("runs", {"--json"}).output)["running"], nlohmann::json::array());
+}
+
+// Cases that wait for a file of the test: a case C has begun when the file begun_C is there, and ends when go_C is.
+class CampaignsAtWork : public CampaignFolders {
+ protected:
+  void plan_of_waiting_cases(const std::string& division) const {
+    plan(division + R"([test]
+time_limit_s = 600
+command = "echo {case} >> cases; touch begun_{case}; until test -e go_{case}; do sleep 0.02; done; cat {port} > /dev/null; test {seed} != 2"
+)");
+  }
+  void start(Program& program) const {
+    program.start({"campaign", "run", path("plan.toml"), "--into", path("runs"), "--jobs", "1", "--quiet"});
+  }
+  void await(Program& program, const std::function<bool()>& holds) const {
+    const auto limit = std::chrono::steady_clock::now() + std::chrono::seconds(60);
+    while (!holds()) {
+      ASSERT_TRUE(program.is_running()) << program.errors();
+      ASSERT_LT(std::chrono::steady_clock::now(), limit);
+      std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    }
+  }
+  void await_case(Program& program, int number) const {
+    await(program, [&] { return std::filesystem::exists(path(fmt::format("begun_{}", number))); });
+  }
+  void let_go(int number) const { write(fmt::format("go_{}", number), ""); }
+  // Returns the file into which a run writes, once it has it open.
+  static std::string open_file(pid_t process) {
+    std::error_code error;
+    for (const auto& entry : std::filesystem::directory_iterator(fmt::format("/proc/{}/fd", process), error))
+      if (const std::string at = std::filesystem::read_symlink(entry.path(), error).string(); at.ends_with(".tmp"))
+        return at;
+    return {};
+  }
+};
+
+TEST_F(CampaignsAtWork, AreSeenFromTheirFirstCaseOnAndStayYoung) {
+  using namespace std::chrono_literals;
+  plan_of_waiting_cases("seeds = 1\nbatch = 1\n");
+  Program program("imud");
+  start(program);
+  ASSERT_NO_FATAL_FAILURE(await_case(program, 0));
+  const nlohmann::json running = nlohmann::json::parse(status("runs", {"--json"}).output)["running"];
+  ASSERT_EQ(running.size(), 1U);
+  EXPECT_EQ(running[0]["process"], program.pid());
+  ASSERT_EQ(names("runs").size(), 1U);
+  const std::string file = path("runs/shards/") + names("runs").front();
+  const auto now = std::filesystem::file_time_type::clock::now();
+  std::filesystem::last_write_time(file, now - 25h);
+  ASSERT_NO_FATAL_FAILURE(await(program, [&] { return std::filesystem::last_write_time(file) > now - 1h; }));
+  let_go(0);
+  EXPECT_EQ(program.wait(), 0) << program.errors();
+  EXPECT_EQ(names("runs"), std::vector<std::string>{shard_name({0, 0})});
+}
+
+TEST_F(CampaignsAtWork, AreDividedAmongTwoRuns) {
+  plan_of_waiting_cases("seeds = \"1..4\"\nbatch = 1\n");
+  Program a("imud"), b("imud");
+  start(a);
+  ASSERT_NO_FATAL_FAILURE(await_case(a, 0));
+  start(b);
+  ASSERT_NO_FATAL_FAILURE(await_case(b, 1));
+  let_go(0);
+  ASSERT_NO_FATAL_FAILURE(await_case(a, 2));
+  let_go(1);
+  ASSERT_NO_FATAL_FAILURE(await_case(b, 3));
+  let_go(3);  // the last one of b, which comes back to case 2: that is still missing
+  ASSERT_NO_FATAL_FAILURE(await(b, [&] { return read_file(path("cases")) == "0\n1\n2\n3\n2\n"; }));
+  let_go(2);
+  // Case 1, of the seed 2, fails. a has not run it.
+  for (Program* program : {&a, &b}) {
+    EXPECT_EQ(program->wait(), 3) << program->errors();
+    EXPECT_TRUE(contains(program->output(), "0 could not be run, 1 incomplete or with failed expectations"))
+        << program->output();
+  }
+  EXPECT_EQ(rows("runs").size(), 4U);
+  EXPECT_EQ(names("runs").size(), 4U);
+}
+
+// In step they would do 60 cases. Each does some shards at the end at which the other is still at work.
+TEST_F(CampaignsAtWork, AreNotDoneInStep) {
+  plan(R"(seeds = "1..30"
+batch = 1
+[test]
+command = "echo {case} >> cases; cat {port} > /dev/null; sleep 0.05"
+)");
+  Program a("imud"), b("imud");
+  start(a);
+  start(b);
+  for (Program* program : {&a, &b}) EXPECT_EQ(program->wait(), 0) << program->errors();
+  EXPECT_LT(lines_of(read_file(path("cases"))).size(), 45U);
+  EXPECT_EQ(names("runs").size(), 30U);
+}
+
+TEST_F(CampaignsAtWork, AShardWhoseFileIsRemovedIsDoneAgain) {
+  plan_of_waiting_cases("seeds = \"3..4\"\nbatch = 2\n");
+  Program program("imud");
+  start(program);
+  let_go(0);
+  ASSERT_NO_FATAL_FAILURE(await_case(program, 1));
+  ASSERT_NO_FATAL_FAILURE(await(program, [&] { return !open_file(program.pid()).empty(); }));
+  ASSERT_TRUE(std::filesystem::remove(open_file(program.pid())));
+  let_go(1);
+  EXPECT_EQ(program.wait(), 0) << program.errors();
+  EXPECT_TRUE(contains(program.errors(), "was removed while it was written: its cases are run again"))
+      << program.errors();
+  EXPECT_EQ(names("runs"), std::vector<std::string>{shard_name({0, 1})});
+  EXPECT_EQ(read_file(path("cases")), "0\n1\n0\n1\n");
+}
+
+// A worker that is ended has no row yet.
+TEST_F(CampaignsAtWork, LeaveNoFileWhenASignalEndsThem) {
+  plan_of_waiting_cases("seeds = \"3..4\"\nbatch = 1\n");
+  Program program("imud");
+  start(program);
+  ASSERT_NO_FATAL_FAILURE(await_case(program, 0));
+  program.kill(SIGTERM);
+  EXPECT_EQ(program.wait(), 3) << program.errors();
+  EXPECT_EQ(names("runs"), std::vector<std::string>());
 }
 
 TEST_F(CampaignFolders, ShardsAtWhichOthersAreAtWorkComeLast) {
