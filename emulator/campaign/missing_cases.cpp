@@ -26,6 +26,16 @@ void check_identity(const std::string& there, std::uint64_t index, const Campaig
                     index, there, here));
 }
 
+// Returns what makes a shard damaged whose rows have results; empty if it is not.
+std::string fault_of_rows(const Shard& shard) {
+  const auto damaged =
+      std::ranges::find_if_not(shard.rows, [](const std::string& row) { return nlohmann::json::accept(row); });
+  return damaged == shard.rows.end()
+             ? std::string()
+             : fmt::format("has no result in the row of case {}",
+                           shard.head.cases.first + static_cast<std::uint64_t>(damaged - shard.rows.begin()));
+}
+
 // Moves the shards at which another process is at work behind the others.
 void put_last(std::vector<ShardToWrite>& shards, const std::vector<CaseRange>& at_work) {
   std::stable_partition(shards.begin(), shards.end(), [&](const ShardToWrite& shard) {
@@ -47,6 +57,8 @@ MissingCases::MissingCases(const ResultFolder& folder, const CaseRange& range, c
     }
     std::string fault;
     std::optional<Shard> shard = folder.read(cases, fault);
+    if (shard) fault = fault_of_rows(*shard);
+    if (!fault.empty()) shard.reset();
     if (!shard) {
       if (++damaged <= most_logged) spdlog::warn("{} {}: its cases are run again", shard_name(cases), fault);
       shards_.push_back({.cases = cases, .replaces = true});

@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cstddef>
+#include <stdexcept>
 #include <system_error>
 #include <utility>
 
@@ -35,6 +37,9 @@ std::string text_of(const CaseRate& rate) {
                      100 * interval.low, 100 * interval.high);
 }
 
+// Half of the work takes as long as the other half: time_left() shows the time as it is.
+constexpr double half = 0.5;
+
 }  // namespace
 
 bool CampaignStatus::update(double limit_s) {
@@ -49,28 +54,50 @@ bool CampaignStatus::update(double limit_s) {
     std::error_code error;
     return std::filesystem::last_write_time(folder_.shards_path() / shard_name(cases), error);
   };
-  // The counts of a shard that another one has replaced cannot be taken back.
-  const auto is_as_seen = [&](const auto& seen) {
-    const auto shard = std::ranges::lower_bound(listing.shards, seen.first, {}, &CaseRange::first);
-    return shard != listing.shards.end() && shard->first == seen.first && time_of(*shard) == seen.second.time;
-  };
-  if (!std::ranges::all_of(seen_, is_as_seen)) {
+  bool is_reset = false;
+  for (auto seen = seen_.begin(); seen != seen_.end();) {
+    const auto shard = std::ranges::lower_bound(listing.shards, seen->first, {}, &CaseRange::first);
+    const bool is_there = shard != listing.shards.end() && shard->first == seen->first;
+    if (is_there && (seen->second.counts || !seen->second.fault.empty() || time_of(*shard) == seen->second.time)) {
+      ++seen;
+      continue;
+    }
+    is_reset = is_reset || (!seen->second.counts && seen->second.fault.empty());
+    seen = seen_.erase(seen);
+  }
+  if (is_reset) {  // a shard that nobody replaces has changed
     seen_.clear();
-    counts_ = {};
+    lasting_ = {};
   }
-  bool is_first = true;
+  bool is_first = true, is_all = true;
   for (const CaseRange& cases : listing.shards) {
-    if (seen_.contains(cases.first)) continue;
-    if (!std::exchange(is_first, false) && seconds(host_now() - begin) > limit_s) return false;
-    SeenShard shard{.time = time_of(cases), .cases = cases.size(), .fault = {}};
-    if (const std::optional<Shard> read = folder_.read(cases, shard.fault)) counts_.add(*read);
-    seen_.emplace(cases.first, std::move(shard));
+    const auto time = time_of(cases);
+    if (const auto seen = seen_.find(cases.first); seen != seen_.end() && seen->second.time == time) continue;
+    if (!std::exchange(is_first, false) && seconds(host_now() - begin) > limit_s) {
+      is_all = false;
+      break;
+    }
+    SeenShard shard{.time = time, .cases = cases.size(), .fault = {}, .counts = {}};
+    if (const std::optional<Shard> read = folder_.read(cases, shard.fault)) try {
+        CaseCounts counts;
+        counts.add(*read);
+        if (counts.tally.could_not_be_run > 0)
+          shard.counts = std::move(counts);
+        else
+          lasting_.add(counts);
+      } catch (const std::runtime_error& error) {
+        shard.fault = error.what();
+      }
+    seen_.insert_or_assign(cases.first, std::move(shard));
   }
-  return true;
+  counts_ = lasting_;
+  for (const auto& [first, shard] : seen_)
+    if (shard.counts) counts_.add(*shard.counts);
+  return is_all;
 }
 
 bool CampaignStatus::is_good() const noexcept {
-  return counts_.done == stop_.cases() && counts_.expectations_failed == 0 && counts_.incomplete == 0;
+  return counts_.done == stop_.cases() && counts_.tally.expectations_failed == 0 && counts_.tally.incomplete == 0;
 }
 
 std::uint64_t CampaignStatus::whole() const noexcept {
@@ -86,14 +113,29 @@ std::vector<std::string> CampaignStatus::damaged() const {
   return all;
 }
 
-// By the times of the newest shards; nullopt if fewer than two are whole.
+// By the times of the newest shards of the present work; nullopt if fewer than two are whole.
 std::optional<double> CampaignStatus::cases_per_s() const {
+  using Ends = std::vector<const SeenShard*>;
+  // The work was taken up again where nothing has ended for a minute and for ten times the median of such times.
+  const auto begin_of_work = [](const Ends& all) {
+    constexpr double least_s = 60, many = 10;
+    std::vector<double> gaps_s;
+    for (std::size_t i = 1; i < all.size(); ++i)
+      gaps_s.push_back(std::chrono::duration<double>(all[i]->time - all[i - 1]->time).count());
+    std::vector<double> sorted = gaps_s;
+    std::ranges::sort(sorted);
+    std::size_t begin = 0;
+    for (std::size_t i = 0; i < gaps_s.size(); ++i)
+      if (gaps_s[i] > std::max(least_s, many * sorted[(sorted.size() - 1) / 2])) begin = i + 1;
+    return all.begin() + static_cast<std::ptrdiff_t>(begin);
+  };
   constexpr std::size_t newest = 20;
   std::vector<const SeenShard*> ends;
   for (const auto& [first, shard] : seen_)
     if (shard.fault.empty()) ends.push_back(&shard);
   std::ranges::sort(ends, {}, [](const SeenShard* shard) { return shard->time; });
   if (ends.size() > newest) ends.erase(ends.begin(), ends.end() - newest);
+  ends.erase(ends.begin(), begin_of_work(ends));
   if (ends.size() < 2) return std::nullopt;
   std::uint64_t cases = 0;
   for (std::size_t i = 1; i < ends.size(); ++i) cases += ends[i]->cases;
@@ -121,9 +163,9 @@ nlohmann::ordered_json CampaignStatus::json() const {
                {"cases", stop_.cases()},
                {"until", stop_.text()},
                {"cases_done", counts_.done},
-               {"failed", counts_.could_not_be_run},
-               {"expectations_failed", counts_.expectations_failed},
-               {"incomplete", counts_.incomplete},
+               {"failed", counts_.tally.could_not_be_run},
+               {"expectations_failed", counts_.tally.expectations_failed},
+               {"incomplete", counts_.tally.incomplete},
                {"batch", campaign.batch},
                {"shards", shards()},
                {"shards_whole", whole()},
@@ -133,6 +175,7 @@ nlohmann::ordered_json CampaignStatus::json() const {
                {"running", Json::array()},
                {"cases_per_s", rate ? Json(*rate) : Json()},
                {"left_s", left ? Json(*left) : Json()},
+               {"left", left ? Json(time_left(*left, half)) : Json()},
                {"resume", folder_.resume_command()},
                {"rates", Json::array()},
                {"axes", Json::array()},
@@ -168,8 +211,8 @@ std::string CampaignStatus::text() const {
   std::string text = fmt::format(
       "plan     {}\nshards   {} of {} whole\ncases    {} of {} done; {} could not be run, {} with failed "
       "expectations, {} otherwise incomplete\n",
-      campaign.plan, whole(), shards(), counts_.done, stop_.cases(), counts_.could_not_be_run,
-      counts_.expectations_failed, counts_.incomplete);
+      campaign.plan, whole(), shards(), counts_.done, stop_.cases(), counts_.tally.could_not_be_run,
+      counts_.tally.expectations_failed, counts_.tally.incomplete);
   for (std::size_t i = 0; i < counts_.names().size() && counts_.done > 0; ++i)
     text += fmt::format("passed   {}: {}\n", counts_.names()[i], text_of(counts_.rates()[i]));
   if (const std::string until = stop_.text(); !until.empty()) text += fmt::format("until    {}\n", until);
@@ -187,7 +230,7 @@ std::string CampaignStatus::text() const {
     text += fmt::format("running  process {} of {}, cases {}\n", file.process, file.host, file.name);
   if (const auto rate = cases_per_s(); rate && !running_.empty())
     text += fmt::format("rate     {:.3g} cases/s\n", *rate);
-  if (const auto left = left_s()) text += fmt::format("left     {}\n", time_left(*left, 0.5));
+  if (const auto left = left_s()) text += fmt::format("left     {}\n", time_left(*left, half));
   return text;
 }
 

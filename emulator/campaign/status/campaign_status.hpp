@@ -35,7 +35,8 @@ class CampaignStatus {
   struct SeenShard {
     std::filesystem::file_time_type time;
     std::uint64_t cases = 0;
-    std::string fault;  // why it is not whole
+    std::string fault;                 // why it is not whole
+    std::optional<CaseCounts> counts;  // of a shard that `resume` replaces, as it has a case that could not be run
   };
   std::optional<double> cases_per_s() const;
   std::optional<double> left_s() const;
@@ -49,7 +50,8 @@ class CampaignStatus {
 
   const ResultFolder folder_;
   SequentialStop stop_{folder_};
-  CaseCounts counts_;
+  CaseCounts lasting_;                       // of the shards that nobody replaces
+  CaseCounts counts_;                        // of all
   std::map<std::uint64_t, SeenShard> seen_;  // by the first case
   std::size_t present_ = 0;                  // shards in the folder
   std::vector<TemporaryFile> running_;       // files of processes that run, or of other hosts

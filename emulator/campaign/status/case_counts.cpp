@@ -8,6 +8,7 @@
 #include <iterator>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <stdexcept>
 #include <utility>
 
 #include "protocols/wire/number_text.hpp"
@@ -75,7 +76,58 @@ struct CaseCounts::Row {
 };
 
 void CaseCounts::add(const Shard& shard) {
-  for (std::size_t i = 0; i < shard.rows.size(); ++i) add(Row(shard.head.cases.first + i, shard.rows[i]));
+  for (std::size_t i = 0; i < shard.rows.size(); ++i) try {
+      add(Row(shard.head.cases.first + i, shard.rows[i]));
+    } catch (const nlohmann::json::exception&) {
+      throw std::runtime_error(fmt::format("has no result in the row of case {}", shard.head.cases.first + i));
+    }
+}
+
+void CaseCounts::keep(std::uint64_t index, Failed one) {
+  failed_.emplace(index, std::move(one));
+  if (failed_.size() > most_failed) failed_.erase(std::prev(failed_.end()));
+}
+
+CaseCounts::Value* CaseCounts::value_of(Axis& axis, const std::string& text, std::uint64_t first_case) {
+  if (!axis.is_divided) return nullptr;
+  auto known = std::ranges::find(axis.values, text, &Value::text);
+  if (known == axis.values.end()) {
+    if (axis.values.size() == most_values) {
+      axis.is_divided = false;
+      axis.values.clear();
+      return nullptr;
+    }
+    axis.values.push_back({.text = text, .first_case = first_case, .rates = {}});
+    known = axis.values.end() - 1;
+  }
+  known->first_case = std::min(known->first_case, first_case);
+  return &*known;
+}
+
+void CaseCounts::add(const CaseCounts& other) {
+  done += other.done;
+  tally.add(other.tally);
+  for (const auto& [index, one] : other.failed_) keep(index, one);
+  std::vector<std::size_t> rates = {0};  // the numbers here
+  for (std::size_t i = 1; i < other.names_.size(); ++i) rates.push_back(rate_of(other.names_[i]));
+  const auto add_rates = [&](std::vector<CaseRate>& to, const std::vector<CaseRate>& from) {
+    for (std::size_t i = 0; i < from.size(); ++i) {
+      if (to.size() <= rates[i]) to.resize(rates[i] + 1);
+      to[rates[i]].runs += from[i].runs;
+      to[rates[i]].passes += from[i].passes;
+    }
+  };
+  add_rates(rates_, other.rates_);
+  for (std::size_t i = 0; i < other.axes_.size(); ++i) {
+    const Axis& from = other.axes_[i];
+    if (i == axes_.size()) axes_.push_back({.name = from.name, .values = {}});
+    if (!from.is_divided) {
+      axes_[i].is_divided = false;
+      axes_[i].values.clear();
+    }
+    for (const Value& value : from.values)
+      if (Value* const to = value_of(axes_[i], value.text, value.first_case)) add_rates(to->rates, value.rates);
+  }
 }
 
 std::size_t CaseCounts::rate_of(const std::string& expectation) {
@@ -88,16 +140,8 @@ std::size_t CaseCounts::rate_of(const std::string& expectation) {
 
 void CaseCounts::add(const Row& row) {
   const bool passed = row.result.exit_code == 0;
-  if (row.result.could_not_be_run)
-    ++could_not_be_run;
-  else if (row.result.expectation_failed)
-    ++expectations_failed;
-  else if (!passed)
-    ++incomplete;
-  if (!passed && (failed_.size() < most_failed || row.index < failed_.rbegin()->first)) {
-    failed_.emplace(row.index, row.failed());
-    if (failed_.size() > most_failed) failed_.erase(std::prev(failed_.end()));
-  }
+  tally.add(row.result);
+  if (!passed && (failed_.size() < most_failed || row.index < failed_.rbegin()->first)) keep(row.index, row.failed());
   std::vector<Passed> all;
   if (!row.result.could_not_be_run) {
     ++done;
@@ -113,19 +157,8 @@ void CaseCounts::divide(const Row& row, const std::vector<Passed>& all) {
   for (const auto& [name, value] : row.axes.items()) {
     if (number == axes_.size()) axes_.push_back({.name = name, .values = {}});
     Axis& axis = axes_[number++];
-    if (!axis.is_divided) continue;
-    const std::string text = shown(value);
-    auto known = std::ranges::find(axis.values, text, &Value::text);
-    if (known == axis.values.end()) {
-      if (axis.values.size() == most_values) {
-        axis.is_divided = false;
-        axis.values.clear();
-        continue;
-      }
-      axis.values.push_back({.text = text, .first_case = row.index, .rates = {}});
-      known = axis.values.end() - 1;
-    }
-    known->first_case = std::min(known->first_case, row.index);
+    Value* const known = value_of(axis, shown(value), row.index);
+    if (known == nullptr) continue;
     for (const Passed& one : all) {
       if (known->rates.size() <= one.rate) known->rates.resize(one.rate + 1);
       count(known->rates[one.rate], one.passed);

@@ -42,12 +42,14 @@ class CaseCounts {
     bool is_divided = true;
   };
 
+  // Throws std::runtime_error, "has no result in the row of case 7", if a row cannot be read. Then the counts are of
+  // no use.
   void add(const Shard& shard);
+  // Adds the counts of other shards.
+  void add(const CaseCounts& other);
 
-  std::uint64_t done = 0;                 // cases that were run
-  std::uint64_t could_not_be_run = 0;     // cases with an error in place of a run
-  std::uint64_t expectations_failed = 0;  // cases with an expectation that does not hold
-  std::uint64_t incomplete = 0;           // other cases whose exit code is not 0
+  std::uint64_t done = 0;  // cases that were run
+  CaseTally tally;
 
   // The first rate is of "cases": complete, and all expectations hold. The others are of each expectation.
   const std::vector<std::string>& names() const noexcept { return names_; }
@@ -67,6 +69,9 @@ class CaseCounts {
   void add(const Row& row);
   void divide(const Row& row, const std::vector<Passed>& all);
   std::size_t rate_of(const std::string& expectation);
+  void keep(std::uint64_t index, Failed one);
+  // Returns the value of an axis; nullptr if the axis is not divided.
+  static Value* value_of(Axis& axis, const std::string& text, std::uint64_t first_case);
 
   std::vector<std::string> names_ = {"cases"};
   std::vector<CaseRate> rates_ = std::vector<CaseRate>(1);

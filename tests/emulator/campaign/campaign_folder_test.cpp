@@ -15,6 +15,7 @@
 #include "emulator/campaign/campaign_run.hpp"
 #include "emulator/campaign/case_runner.hpp"
 #include "emulator/campaign/missing_cases.hpp"
+#include "emulator/campaign/status/campaign_status.hpp"
 #include "emulator/ground/text_file.hpp"
 #include "tests/emulator/campaign/campaign_test.hpp"
 #include "tests/support/text.hpp"
@@ -180,7 +181,7 @@ TEST_F(CampaignFolders, TheCopyOfThePlanIsWrittenAgain) {
 TEST_F(CampaignFolders, ARowWithoutAResultIsDamage) {
   plan("seeds = \"1..8\"\nbatch = 4\n");
   ASSERT_EQ(run("runs").exit_code, 0);
-  for (const char* row : {"no JSON", "[]", "{\"exit_code\":0}"}) {
+  for (const char* row : {"no JSON", "[]", "{\"exit_code\":0}", R"({"exit_code":0,"ended_by":"none","axes":{)"}) {
     change_row("runs", {4, 7}, 2, [&](const std::string&) { return row; });
     const ProgramResult shown = status("runs", {"--json"});
     EXPECT_EQ(shown.exit_code, 3) << shown.errors;
@@ -204,6 +205,33 @@ TEST_F(CampaignFolders, NumbersAndNamesThatNoCaseHasAreRefused) {
     std::filesystem::copy(path(name), path(latin1 + "/" + name));
   expect_refused(run_program("imud", {"campaign", "run", path(latin1 + "/plan.toml"), "--into", path("runs")}),
                  "its path must be UTF-8, as the results have it; rename the folder");
+}
+
+TEST_F(CampaignFolders, TheRateIsOfThePresentWork) {
+  using namespace std::chrono_literals;
+  plan("seeds = \"1..8\"\nbatch = 1\n");
+  ASSERT_EQ(run("runs").exit_code, 0);
+  const auto now = std::filesystem::file_time_type::clock::now();
+  for (std::uint64_t i = 0; i < 8; ++i)
+    std::filesystem::last_write_time(path("runs/shards/") + shard_name({i, i}),
+                                     (i < 4 ? now - 24h : now) + static_cast<int>(i) * 10s);
+  EXPECT_NEAR(nlohmann::json::parse(status("runs", {"--json"}).output)["cases_per_s"].get<double>(), 0.1, 1e-6);
+}
+
+// The case that could not be run was run again. Reading stops after one shard here.
+TEST_F(CampaignFolders, AReplacedShardAloneIsCountedAgain) {
+  plan("seeds = \"1..12\"\nbatch = 4\n");
+  ASSERT_EQ(run("runs").exit_code, 0);
+  change_row("runs", {4, 7}, 1, lost);
+  CampaignStatus shown(path("runs"));
+  EXPECT_TRUE(shown.update());
+  EXPECT_EQ(shown.json()["cases_done"], 11);
+  EXPECT_EQ(shown.json()["failed"], 1);
+  ASSERT_EQ(resume("runs").exit_code, 0);
+  EXPECT_TRUE(shown.update(0));
+  EXPECT_EQ(shown.json()["cases_done"], 12);
+  EXPECT_EQ(shown.json()["failed"], 0);
+  EXPECT_TRUE(shown.is_good());
 }
 
 // The time of a shard at work is the time of its last written row.

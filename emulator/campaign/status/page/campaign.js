@@ -6,10 +6,6 @@ let status;
 
 const percent = (share) => `${(100 * share).toFixed(2)} %`;
 const share = ({runs, passes}) => (runs ? passes / runs : 0);
-function duration(s) {
-  if (s < 100) return `${Math.ceil(s)} s`;
-  return s < 6000 ? `${Math.round(s / 60)} min` : `${(s / 3600).toFixed(1)} h`;
-}
 const name_of = (name) => (name === "cases" ? "whole cases" : name);
 
 // --- Pass rates ---
@@ -51,14 +47,14 @@ function show_axes() {
 
 // --- The rest ---
 function state_text() {
-  const {cases, cases_done, running, cases_per_s, left_s, shards_present, shards_read} = status;
+  const {cases, cases_done, running, cases_per_s, left, shards_present, shards_read} = status;
   if (shards_read < shards_present) return `Reading the results: ${count(shards_read)} of ${count(shards_present)} files.`;
   if (cases_done === cases) return `All ${count(cases)} cases are done.`;
   const hosts = new Set(running.map(({host}) => host)).size, processes = new Set(running.map(({host, process}) => `${host} ${process}`)).size;
   const at_work = running.length ? `${several(processes, "process runs", "processes run")} on ${several(hosts, "host", "hosts")}` : "nothing runs";
   const rate = running.length && cases_per_s !== null ? `, ${cases_per_s.toPrecision(3)} cases per second` : "";
-  const left = left_s === null ? "" : `, ${duration(left_s)} left`;
-  return `${count(cases_done)} of ${count(cases)} cases are done; ${at_work}${rate}${left}.`;
+  const time_left = left === null ? "" : `, ${left} left`;
+  return `${count(cases_done)} of ${count(cases)} cases are done; ${at_work}${rate}${time_left}.`;
 }
 function show_status() {
   const {cases, cases_done, failed, expectations_failed, incomplete, damaged, running, rates, failed_cases} = status;
