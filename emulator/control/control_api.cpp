@@ -133,6 +133,13 @@ std::span<const ControlApi::Method> ControlApi::methods() noexcept {
          api.run_.quit();
        }},
   });
+  constexpr auto have_own_names = [] {
+    for (std::size_t i = 0; i < all.size(); ++i)
+      for (std::size_t k = 0; k < i; ++k)
+        if (all[i].name == all[k].name) return false;
+    return true;
+  };
+  static_assert(have_own_names());
   return all;
 }
 
