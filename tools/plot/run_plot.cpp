@@ -6,6 +6,7 @@
 #include <cmath>
 #include <iterator>
 #include <limits>
+#include <stdexcept>
 #include <string_view>
 #include <vector>
 
@@ -56,6 +57,10 @@ std::string samples_csv(const RunErrors& run) {
   for (const auto& channel : run.channels)
     for (const Column& column : columns) text += fmt::format(",{}{}", channel.name(), column.suffix);
   text += "\n";
+  for (const auto& channel : run.channels)
+    for (const Column& column : columns)
+      if ((channel.*column.values).size() != run.samples())
+        throw std::logic_error(fmt::format("compare_runs() has not computed {}{}", channel.name(), column.suffix));
   const std::size_t step = (run.samples() + most_rows - 1) / most_rows;
   for (std::size_t i = 0; i < run.samples(); i += step) {
     text += fmt::format("{}", static_cast<double>(i) / run.rate_hz);
