@@ -54,7 +54,7 @@ TEST_F(RunFiles, FiguresAreNotWrittenOverAnotherFileOfTheRun) {
   EXPECT_FALSE(std::filesystem::exists(path("out.csv")));
 }
 
-// An option whose file nothing writes compiles.
+// An option whose file nothing opens, or nothing writes, compiles.
 TEST_F(RunFiles, EveryOptionThatNamesAFileWritesIt) {
   ASSERT_EQ(run_program("imu-truth", {"spiral", "--csv", path("truth.csv"), "--for", "1"}).exit_code, 0);
   std::vector<std::string> arguments = {
@@ -62,7 +62,10 @@ TEST_F(RunFiles, EveryOptionThatNamesAFileWritesIt) {
   for (const std::string& option : file_options()) arguments.insert(arguments.end(), {option, path(option)});
   const ProgramResult result = run_program("imud", arguments);
   EXPECT_EQ(result.exit_code, 0) << result.errors;
-  for (const std::string& option : file_options()) EXPECT_TRUE(std::filesystem::exists(path(option))) << option;
+  for (const std::string& option : file_options()) {
+    ASSERT_TRUE(std::filesystem::exists(path(option))) << option;
+    EXPECT_GT(std::filesystem::file_size(path(option)), 0U) << option;
+  }
 }
 
 TEST_F(RunFiles, TheSummaryIsIncompleteUntilTheEnd) {

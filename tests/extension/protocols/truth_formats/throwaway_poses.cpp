@@ -27,6 +27,7 @@ extern constexpr TruthFormat throwaway_poses_truth_format = {
     .delimits_itself = true,
     .settings = settings,
     .make = [](const Settings& chosen) { return make_pose_table(chosen, columns); },
+    .force_from = "the columns specific_force_x_m_per_s2 to _z, which every row has",
     .way = TruthFormat::Way::file,
     .example_port = "poses.txt",
 };
