@@ -117,8 +117,9 @@ class Triad {
   // Makes sample k the next, with the memory of `before`, whose parameters may be others (triad_step.hpp).
   void continue_from(const Triad& before, const Normals& normals, std::uint64_t k) noexcept {
     const auto go_on = [&]<class Effect>(Effect& effect) {
-      if constexpr (requires(const Effect& other) { effect.continue_from(other, normals, k); })
-        effect.continue_from(std::get<Effect>(before.effects_), normals, k);
+      constexpr bool goes_on = requires(const Effect& other) { effect.continue_from(other, normals, k); };
+      static_assert(goes_on || std::is_base_of_v<StatelessEffect, Effect>, "an effect with a memory goes on with it");
+      if constexpr (goes_on) effect.continue_from(std::get<Effect>(before.effects_), normals, k);
     };
     each(go_on);
   }
