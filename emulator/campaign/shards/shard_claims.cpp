@@ -12,7 +12,7 @@ namespace imud {
 
 std::filesystem::path ShardClaims::path_of(const CaseRange& shard) const {
   TemporaryFile file = mine_;
-  file.name = TemporaryFile::of_shard(shard).name;
+  file.name = std::filesystem::path(shard_name(shard)).stem();
   return folder_.shards_path() / file.file_name();
 }
 
@@ -56,14 +56,16 @@ void ShardClaims::release(const CaseRange& shard) const noexcept { ::unlink(path
 
 void ShardClaims::refresh(const std::set<std::uint64_t>& first_cases) {
   constexpr std::chrono::minutes age(1);
-  if (refreshed_ && host_now() - *refreshed_ < age) return;
+  constexpr std::chrono::milliseconds between_looks(200);
+  if (not_before_ && host_now() < *not_before_) return;
+  not_before_ = host_now() + between_looks;
   for (const std::uint64_t first : first_cases) {
     const std::filesystem::path path = path_of(folder_.campaign().shard_of(first));
     std::error_code error;
     const auto written = std::filesystem::last_write_time(path, error);
     if (error || std::filesystem::file_time_type::clock::now() - written < age) continue;
     ::utimensat(AT_FDCWD, path.c_str(), nullptr, 0);
-    refreshed_ = host_now();
+    not_before_ = host_now() + age;
   }
 }
 

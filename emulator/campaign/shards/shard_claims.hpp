@@ -28,7 +28,7 @@ class ShardClaims {
   // Removes the file of a claim, if there is one.
   void release(const CaseRange& shard) const noexcept;
   // Makes the files of claims young again that are older than a minute, because other hosts remove a file that nobody
-  // has written for a day. Looks at most each minute, once it has found one.
+  // has written for a day. Looks at most five times a second and, once it has found one, each minute.
   void refresh(const std::set<std::uint64_t>& first_cases);
 
  private:
@@ -39,7 +39,7 @@ class ShardClaims {
   const ResultFolder& folder_;
   TemporaryFile mine_;
   std::map<std::uint64_t, std::string> others_;  // the least name of a file of others, by the first case
-  std::optional<HostTime> looked_, refreshed_;
+  std::optional<HostTime> looked_, not_before_;  // not_before_: the next refresh()
   Nanoseconds look_took_{};
 };
 
