@@ -10,8 +10,8 @@
 
 namespace imud {
 
-// Shared by the ports that are byte streams. When the kernel takes a part of a frame, the rest is kept and goes first
-// at the next call; until it is gone, later frames are dropped whole. One thread.
+// Shared by the ports that are byte streams. When the kernel takes only a part of a frame, the rest is kept and
+// written first at the next call; until the rest is written, later frames are dropped whole. Used by one thread.
 class ByteWriter {
  public:
   ByteWriter() = default;
@@ -21,14 +21,14 @@ class ByteWriter {
   // The longest frame, bytes. A longer one is dropped, because its rest could not be kept.
   static constexpr std::size_t max_frame = FrameBuffer::max_bytes;
 
-  // Writes the rest, then `frames`, by one writev() if the kernel takes it all. Every frame is counted once: as sent
-  // when its last byte is taken, as dropped when the kernel takes none of it. Returns 0 ("full" is no failure), or
-  // the errno of the write that failed. If `frames` is empty, only the rest is written. `are_replies`: the frames
-  // count as PortCounters::replies, too.
+  // Writes the rest, then `frames`, by one writev() if the kernel takes all bytes. Every frame is counted once: as
+  // sent when its last byte is taken, as dropped when the kernel takes none of it. Returns 0 ("full" is no
+  // failure), or the errno of the write that failed. If `frames` is empty, only the rest is written.
+  // `are_replies`: the frames count as PortCounters::replies, too.
   int write(int fd, std::span<const Frame> frames, PortCounters& counters, bool are_replies = false) noexcept;
 
-  // Does the same, but drops no frame that the kernel does not take. Returns how many frames, from the first on, have
-  // been counted or begun: the caller keeps the others, and passes them again.
+  // Writes like write(), but drops no frame that the kernel does not take. Returns how many frames, from the first
+  // on, have been counted or begun: the caller keeps the others, and passes them again.
   struct Taken {
     std::size_t frames = 0;
     int error = 0;  // as write() returns it

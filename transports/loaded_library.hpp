@@ -1,4 +1,4 @@
-// A shared library that is loaded when it is needed: linked, every start would load it.
+// LoadedLibrary: a shared library that is loaded when it is needed, not at every start of the program.
 #pragma once
 
 #include <dlfcn.h>
@@ -12,8 +12,8 @@ namespace imud {
 
 class LoadedLibrary {
  public:
-  // Loads the first of these names that there is; it stays loaded. Throws std::runtime_error, which has the reason
-  // and the package of Debian that has the library.
+  // Loads the first library of these names that exists; the library stays loaded. If there is none, throws
+  // std::runtime_error with the reason and the Debian package that contains the library.
   LoadedLibrary(std::initializer_list<const char*> names, std::string_view package) {
     for (const char* const name : names)
       if (library_ == nullptr) library_ = ::dlopen(name, RTLD_LAZY | RTLD_LOCAL);

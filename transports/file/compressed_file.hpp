@@ -14,8 +14,9 @@
 
 namespace imud {
 
-// One thread. After opening it does not throw, and allocates only for a zstd frame with a larger window than the
-// first. The checksums of the file are verified: damage that they show is found after the bytes that it concerns.
+// Used by one thread. After open() no function throws, and memory is allocated only for a zstd frame whose window
+// is larger than the first frame's. The checksums of the file are verified: read() reports damage that a checksum
+// shows only after it has returned the damaged bytes.
 class CompressedFile {
  public:
   // Returns the reader of the file behind `fd` if it is regular and begins as gzip (RFC 1952) or zstd (RFC 8878)
@@ -28,10 +29,10 @@ class CompressedFile {
   CompressedFile(const CompressedFile&) = delete;
   CompressedFile& operator=(const CompressedFile&) = delete;
 
-  // Decompresses the next bytes. Returns how many are in `room`, which is not empty; 0: the file has ended whole; -1:
-  // it is damaged, or cannot be read.
+  // Decompresses the next bytes into `room`, which must not be empty. Returns their number; 0 at the end of an
+  // undamaged file; -1 if the file is damaged or cannot be read.
   ssize_t read(std::span<std::byte> room) noexcept;
-  // Returns how many bytes of the file itself were read; -1: not known.
+  // Returns the number of compressed bytes that were read from the file; -1 if this number is not known.
   off_t offset() const noexcept { return ::lseek(file_.get(), 0, SEEK_CUR); }
   // Describes why read() has returned -1: "cut short", "incorrect data check"; otherwise empty.
   std::string_view error() const noexcept { return error_; }
@@ -44,7 +45,7 @@ class CompressedFile {
   void consume(std::size_t size) noexcept { begin_ += size; }
   void fail(std::string_view error) noexcept { error_ = error; }
 
-  // A file is a sequence of members. True where one has ended, and the next has not begun.
+  // A compressed file is a sequence of members. False from the beginning of a member to its end.
   bool is_between_members_ = true;
 
  private:
@@ -56,7 +57,8 @@ class CompressedFile {
   std::vector<std::byte> buffer_ = std::vector<std::byte>(64 * 1024);
   std::size_t begin_ = 0, end_ = 0;
   std::string_view error_;
-  // The bytes that were decompressed when the file was opened, so that the library has its memory by then.
+  // open() decompresses these bytes, so that the library allocates its memory then. `ahead_` is the part of them
+  // that read() has not returned yet.
   std::vector<std::byte> first_;
   std::span<const std::byte> ahead_;
 };

@@ -13,14 +13,15 @@
 
 namespace imud {
 
-// Reads without waiting; a regular file that gzip or zstd has compressed is decompressed. One thread.
+// read() does not wait for input. A regular file that gzip or zstd has compressed is decompressed. Used by one
+// thread.
 class FileInput {
  public:
   // Opens the file at the spec's address; - is standard input. Throws PortError.
   explicit FileInput(const PortSpec& spec);
 
-  // Reads the next bytes into `room`, which is not empty. Returns their number; 0 if there are none now, or if the
-  // file has ended.
+  // Reads the next bytes into `room`, which must not be empty. Returns their number; 0 if there are none now, or
+  // if the file has ended.
   std::size_t read(std::span<std::byte> room) noexcept;
   // Returns true once read() will return no more bytes.
   bool at_end() const noexcept { return at_end_; }
@@ -33,7 +34,7 @@ class FileInput {
   std::optional<double> progress() const noexcept;
 
  private:
-  static constexpr std::size_t most_decompressed = 16 * 1024;  // in one call, which then takes some 50 us
+  static constexpr std::size_t most_decompressed = 16 * 1024;  // by one read(), which then takes some 50 us
 
   FileDescriptor file_;
   bool is_regular_ = false;

@@ -1,4 +1,4 @@
-// FileReplacement: the new content of a file, which takes the place of the old one when it is whole.
+// FileReplacement: the new content of a file, which replaces the old content when the new content is complete.
 #pragma once
 
 #include <cstdint>
@@ -11,10 +11,10 @@
 
 namespace imud {
 
-// Content for PATH is written to PATH.incomplete in the same folder. commit() renames it to PATH; without that, the
-// destructor removes it, and PATH stays as it was. A process that is killed, or that calls keep(), leaves
-// PATH.incomplete behind, which the next one replaces, or goes on with. Two processes cannot write the same file: it
-// is locked (flock(2)) while it is incomplete.
+// Content for PATH is written to PATH.incomplete in the same folder. commit() renames it to PATH; without that,
+// the destructor removes it, and PATH stays as it was. A process that is killed, or that calls keep(), leaves
+// PATH.incomplete behind; the next process replaces or continues that file (LeftBehind). PATH.incomplete is locked
+// (flock(2)), so that two processes cannot write it.
 class FileReplacement {
  public:
   static constexpr std::string_view suffix = ".incomplete";
@@ -24,22 +24,23 @@ class FileReplacement {
   // fifo, a folder, or a descriptor of this process such as /dev/fd/3.
   static std::optional<std::string> target(const std::string& path);
 
-  // A PATH.incomplete that was left behind is replaced, or the writer goes on with it.
+  // How the constructor treats a PATH.incomplete that was left behind: it replaces or continues the file.
   enum class LeftBehind : std::uint8_t { replace, go_on };
-  // Creates PATH.incomplete, with the owner and the mode of PATH, or opens the one that was left behind. `path` is a
-  // target(). Throws PortError.
+  // Creates PATH.incomplete, with the owner and the mode of PATH, or opens the one that was left behind. Requires
+  // a `path` that target() has returned. Throws PortError.
   FileReplacement(const PortSpec& spec, const std::string& path, LeftBehind left = LeftBehind::replace);
   FileReplacement(const FileReplacement&) = delete;
   FileReplacement& operator=(const FileReplacement&) = delete;
   ~FileReplacement();
 
-  // It is open for reading and writing.
+  // Returns the descriptor of PATH.incomplete, which is open for reading and writing.
   int descriptor() const noexcept { return file_.get(); }
   // Returns true if the file was left behind by another process.
   bool goes_on() const noexcept { return goes_on_; }
   // Renames the file to PATH. Throws std::runtime_error.
   void commit();
-  // Leaves PATH.incomplete behind when this ends, or removes it. The initial value is goes_on().
+  // Sets whether the destructor leaves PATH.incomplete behind or removes it. Before the first call goes_on()
+  // decides.
   void keep(bool is_kept = true) noexcept { is_kept_ = is_kept; }
 
  private:

@@ -14,8 +14,9 @@
 
 namespace imud {
 
-// Writes frames. Frames for a regular file are gathered. So are frames for a pipe or a device if they must not be
-// dropped. Otherwise a pipe gets them at once, and its reader is never waited for. The address - is standard output.
+// Frames for a regular file are gathered in a buffer. With Delivery::complete, frames for a pipe or a device are
+// gathered, too. With Delivery::timely, a pipe or a device gets each frame at once, and the port never waits for
+// the reader. The address - is standard output.
 class FileWriter : public Port {
  public:
   // Throws PortError.
@@ -32,8 +33,8 @@ class FileWriter : public Port {
     flush();
     return regular_ || is_idle();
   }
-  // A regular file takes everything. Half a buffer is more than the frames of a sample and of the deadlines before
-  // it.
+  // A regular file always has room. For a pipe or a device, the frames of a sample and of the deadlines before
+  // that sample need less than half of the buffer.
   bool has_room() const noexcept override {
     return regular_ || (gathers_ && used_ <= buffer_size / 2 && held_count_ <= held_.size() / 2);
   }

@@ -1,4 +1,4 @@
-// FilesInUse: the files that a program reads and writes, so that no output takes the place of another one of them.
+// FilesInUse: the files that a program reads and writes, so that no output overwrites another of these files.
 #pragma once
 
 #include <string>
@@ -7,13 +7,13 @@
 
 namespace imud {
 
-// Returns the path without symbolic links, `.` and `..`; empty if it cannot be.
+// Returns the path without symbolic links, `.` and `..`; empty if the path cannot be resolved.
 std::string canonical_path(const std::string& path);
 // Returns the canonical path of a regular file, or of one that does not exist; empty for everything else.
 std::string regular_file(const std::string& path);
 
-// Paths are equal if they lead to one file, by a symbolic or a hard link, too, or by each spelling of standard
-// output.
+// Two paths are equal if they lead to the same file, directly or by a symbolic or hard link, or if both name
+// standard output in any spelling.
 class FilesInUse {
  public:
   // Adds a file under the words that describe it, such as "the input".
@@ -22,8 +22,8 @@ class FilesInUse {
   void add_input(std::string_view text, std::string_view use);
   // Returns the use of the file; empty if it is not in use.
   std::string_view use_of(const std::string& path) const;
-  // Adds an output, which an empty path omits. Returns the fault if it is in use, "PATH: is the input; give another
-  // file"; otherwise an empty text. Devices and pipes may have several outputs.
+  // Adds an output; an empty path adds none. Returns the fault if the file is in use already, such as "PATH: is
+  // the input; give another file"; otherwise an empty text. Several outputs may go to the same device or pipe.
   [[nodiscard]] std::string claim(const std::string& path, std::string_view use);
 
  private:

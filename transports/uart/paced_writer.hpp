@@ -40,7 +40,7 @@ class PacedWriter {
   std::optional<HostTime> next_flush() const noexcept;
   bool is_idle() const noexcept { return frames_ == 0; }
   std::size_t queued() const noexcept { return count_; }  // characters
-  // The line settings of the next character; call it only if one is queued.
+  // Returns the line settings of the next character. Requires queued() > 0.
   const UartSettings& line() const noexcept { return queue_[first_frame_].line; }
   // Empties the queue; its frames count as dropped.
   void discard(PortCounters& counters) noexcept;
@@ -51,8 +51,8 @@ class PacedWriter {
     UartSettings line;
     std::size_t size = 0;  // at least 1
     bool is_reply = false;
-    HostTime received(std::size_t characters) const noexcept;  // the time at which so many are
-    std::size_t received_by(HostTime now) const noexcept;      // the number of them by `now`
+    HostTime received(std::size_t characters) const noexcept;  // when so many characters are received
+    std::size_t received_by(HostTime now) const noexcept;      // the characters received by `now`
   };
   const Queued& frame(std::size_t i) const noexcept { return queue_[(first_frame_ + i) % max_frames]; }
   void release(HostTime now) noexcept;
@@ -63,7 +63,7 @@ class PacedWriter {
   std::size_t first_frame_ = 0, frames_ = 0;
   std::size_t of_first_ = 0;  // characters of the first frame that are written
   std::size_t free_ = 0;      // characters released, but not written
-  HostTime idle_at_;          // when all that was queued is out
+  HostTime idle_at_;          // when the last queued character is received
   HostTime retry_;            // when to write again if free_ is not 0
 };
 

@@ -16,10 +16,10 @@
 
 namespace imud {
 
-// Makes the pty of a link, and beside the link the Unix socket LINK.keeper. Whoever connects there receives a copy of
-// the master (SCM_RIGHTS, unix(7)) and has the pty until it closes the connection, which the kernel does for a
-// process that was killed. A keeper copies no bytes: speed, pace and reader of the line are imud's as without a
-// keeper.
+// Makes the pty of a link, and beside the link the Unix socket LINK.keeper. A process that connects to this socket
+// receives a copy of the master (SCM_RIGHTS, unix(7)) and has the pty until the connection is closed; the kernel
+// closes the connection of a process that was killed. A keeper copies no bytes: imud handles the line's speed,
+// pace and reader in the same way as without a keeper.
 class PtyKeeper {
  public:
   // `port`: "LINK", or "pty:LINK" with the options of PtyAccess. Throws PortError.
@@ -40,15 +40,16 @@ class PtyKeeper {
   PtyPair pty_;
   const std::string socket_path_;
   FileDescriptor socket_, connection_;
-  std::uint32_t speed_ = 0;  // that a process with the pty has set; 0: none has
+  std::uint32_t speed_ = 0;  // bit/s, set by a process that had the pty; 0: never set
 };
 
-// A master that a keeper holds, too.
+// A copy of the master of a pty that a keeper holds, too.
 struct KeptPty {
   FileDescriptor master;
   FileDescriptor connection;  // no other process receives the master until this is closed
-  std::uint32_t speed = 0;    // that a process has set which had the pty before, bit/s; 0: none has
-  // Has the keeper pass `speed` to the next process: it is not the client's. Does not wait.
+  std::uint32_t speed = 0;    // bit/s, set by a process that had the pty before; 0: never set
+  // Tells the keeper to pass `line_speed`, bit/s, to the next process, which then knows that no client has set
+  // this speed. Does not wait.
   void keep_speed(std::uint32_t line_speed) const noexcept;
 };
 
@@ -56,7 +57,8 @@ struct KeptPty {
 // does not answer within 2 s, or if another process has the pty.
 std::optional<KeptPty> take_kept_pty(const PortSpec& spec);
 
-// The way to the keeper that follows one that has ended. After construction nothing here waits, allocates or throws.
+// Connects to a new keeper after the old keeper has ended. After construction nothing here waits, allocates or
+// throws.
 class NextKeeper {
  public:
   explicit NextKeeper(const PortSpec& spec);  // throws PortError if the link is too long for a keeper
@@ -67,7 +69,7 @@ class NextKeeper {
 
  private:
   sockaddr_un address_;
-  FileDescriptor connection_;  // whose answer is awaited
+  FileDescriptor connection_;  // to a keeper that has not answered yet
   BackOff back_off_;
 };
 

@@ -8,27 +8,27 @@
 
 namespace imud {
 
-// Sets a terminal to raw mode. Returns false if it is none.
+// Sets a terminal to raw mode. Returns false if `fd` is no terminal.
 bool make_raw(int fd) noexcept;
 
-// A pty whose slave is raw and was opened and closed once, so that poll() on the master shows whether a client has it
-// open. Client and imud use it through the link; the kernel hangs the client up when the last copy of the master is
-// closed.
+// A pty whose slave is raw and was opened and closed once, so that poll() on the master shows whether a client has
+// the slave open. The kernel hangs the client up when the last copy of the master is closed.
 class PtyPair {
  public:
   // Makes a pty, without a link. Throws PortError.
   explicit PtyPair(const PortSpec& spec);
-  // Uses an open master; the link remains its owner's. Throws PortError if it is no master of a pty.
+  // Uses an open master, whose link belongs to another process. Throws PortError if `master` is no master of a
+  // pty.
   PtyPair(const PortSpec& spec, FileDescriptor master);
   ~PtyPair();  // removes the link that make_link() has made, if it is still there
   PtyPair(const PtyPair&) = delete;
   PtyPair& operator=(const PtyPair&) = delete;
 
-  // Makes the link spec.address, when the slave is as a client shall find it. Replaces a link that a process that has
-  // ended left behind, and with `replace_served` one whose pty is still in use. Throws PortError.
+  // Makes the link spec.address; call it when the slave is ready for clients. Replaces a link that an ended
+  // process left behind, and with `replace_served` also a link whose pty is still in use. Throws PortError.
   void make_link(const PortSpec& spec, bool replace_served = false);
-  // Continues with another open master, and leaves its link to its owner. Returns false, and changes nothing, if it
-  // is no master of a pty.
+  // Uses another open master from now on, whose link belongs to another process. Returns false, and changes
+  // nothing, if `master` is no master of a pty.
   bool replace(FileDescriptor master) noexcept;
 
   // Closes the master, which is -1 from then on, and removes the link that make_link() has made. The kernel hangs the
@@ -48,7 +48,7 @@ class PtyPair {
  private:
   FileDescriptor master_;
   std::string slave_;
-  std::string link_;  // empty if it is another's
+  std::string link_;  // empty if another process owns the link
 };
 
 }  // namespace imud

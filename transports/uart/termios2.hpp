@@ -12,8 +12,8 @@ bool set_line_speed(int fd, unsigned baud) noexcept;
 // Returns the output speed in bit/s that the driver reports; nullopt if it reports none.
 std::optional<unsigned> line_speed(int fd) noexcept;
 
-// Returns true if the output speed is one of termios' constants (B115200), as tcsetattr() sets it, not
-// set_line_speed().
+// Returns true if tcsetattr() has set the output speed by one of termios' constants (B115200). Returns false after
+// set_line_speed(), which uses BOTHER.
 bool has_speed_constant(int fd) noexcept;
 
 }  // namespace imud

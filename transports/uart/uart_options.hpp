@@ -13,8 +13,9 @@ inline constexpr PortOption parity_option = {
     .key = "parity", .help = "parity of a character", .choices = "none even odd"};
 inline constexpr PortOption stop_option = {.key = "stop", .help = "stop bits of a character (1)", .min = 1, .max = 2};
 
-// Returns the device's UART if it has one, else a UART by the options `baud` (`unset` if absent), `parity` and
-// `stop`. Throws PortError on an option out of its range, even if the device's UART replaces it.
+// Returns the UART of the device (PortSettings::uart) if the device has one; otherwise a UART with the options
+// `baud` (`unset` if absent), `parity` and `stop`. Throws PortError if an option is out of its range, even if the
+// device's UART replaces that option.
 UartSettings uart_settings(const PortSpec& spec, const PortSettings& settings, unsigned unset);
 
 // Returns how long the bytes of `frame` take at `baud` bit/s; `bits_per_character` includes start, parity and stop

@@ -1,4 +1,4 @@
-// UartWire: computes the input of a UART if characters are sent at another speed than its own.
+// UartWire: computes the characters that a UART receives if the sender has another speed.
 #pragma once
 
 #include <cstddef>
@@ -18,13 +18,15 @@ constexpr bool speeds_match(unsigned baud, unsigned other, const UartSettings& c
   return (2 * bits - 1) * fast < 2 * bits * slow;
 }
 
-// The wire is a waveform: idle 1, start bit 0, data bits, least significant first, parity, stop bits 1. The receiver
-// waits for a falling edge and samples the middle of each bit at its own speed; a start bit that is not 0 in its
-// middle is noise. A character without a stop bit is received as sampled, a break as 0, and parity is not checked:
-// so does a tty whose client has not set INPCK (termios(3); n_tty_receive_parity_error() in Linux' n_tty.c).
+// The wire is a waveform: idle 1, start bit 0, data bits, least significant first, parity, stop bits 1. The
+// receiver waits for a falling edge and samples the middle of each bit at its own speed; a start bit that is not 0
+// in its middle is noise. A character without a stop bit is received as sampled, a break is received as 0, and
+// parity is not checked. A tty whose client has not set INPCK does the same (termios(3);
+// n_tty_receive_parity_error() in Linux' n_tty.c).
 class UartWire {
  public:
-  // The most characters received for one sent, which is the most falling edges that one has.
+  // The greatest number of characters received for one character sent: a character has at most so many falling
+  // edges.
   static constexpr std::size_t max_received = 5;
 
   // `sender.baud` and `receiver_baud` are from 50 to 4'000'000 bit/s. A change discards the character that is being
@@ -41,8 +43,8 @@ class UartWire {
  private:
   UartSettings sender_;
   unsigned receiver_baud_ = 0;
-  // When to sample, or from when to expect an edge, after the end of the last call, in s/(2 * sender * receiver
-  // baud).
+  // The time of the next sample, or the time from which an edge is expected, since the end of the last call. The
+  // unit is s/(2 * sender baud * receiver baud).
   std::int64_t next_ = 0;
   unsigned bit_ = 0;   // next bit to sample, the start bit being 1; 0: no character is being received
   unsigned data_ = 0;  // data bits sampled so far
