@@ -16,7 +16,7 @@ struct Endpoint {
   // Parses "ADDR" or "ADDR:PORT" with a numeric address; an IPv6 address with a port stands in brackets. Throws
   // PortError.
   static Endpoint parse(std::string_view text);
-  // From the 4 or 16 bytes of an address, as in a packet.
+  // Return an endpoint from the 4 or 16 bytes of an address in network byte order, as in a packet.
   static Endpoint ipv4(const void* bytes, std::uint16_t port) noexcept {
     std::uint8_t mapped[8] = {0, 0, 0xFF, 0xFF};
     std::memcpy(mapped + 4, bytes, 4);
@@ -32,7 +32,7 @@ struct Endpoint {
     return endpoint;
   }
 
-  // Returns whether `other` has this address, and this port unless it is 0.
+  // Returns whether `other` has this address and, unless this port is 0, this port.
   bool admits(const Endpoint& other) const noexcept {
     return has_address_of(other) && (port == 0 || port == other.port);
   }
@@ -49,7 +49,7 @@ class EndpointText {
  public:
   explicit EndpointText(const Endpoint& endpoint) noexcept;
   std::string_view whole() const noexcept { return {text_.data(), size_}; }
-  // Without the port and the brackets.
+  // Returns the address without the port and the brackets.
   std::string_view address() const noexcept { return {text_.data() + begin_, end_ - begin_}; }
 
  private:

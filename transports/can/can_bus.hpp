@@ -1,4 +1,4 @@
-// The bit rates of a CAN bus, which a port's text gives, because no interface must have them.
+// The bit rates of a CAN bus. The port's text gives them, because an interface need not have bit rates.
 #pragma once
 
 #include "transports/can/can_bits.hpp"

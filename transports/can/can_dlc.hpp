@@ -17,7 +17,7 @@ constexpr std::uint8_t dlc_of(std::size_t size) noexcept {
   return dlc;
 }
 
-// Returns the data length of that frame.
+// Returns the number of data bytes of the shortest CAN FD frame that holds `size` bytes, size <= 64.
 constexpr std::size_t fd_length(std::size_t size) noexcept { return fd_lengths[dlc_of(size)]; }
 
 }  // namespace imud

@@ -9,7 +9,7 @@
 
 namespace imud {
 
-// Filters as Port::set_filters() has them, for ports whose kernel has none. One thread.
+// Implements Port::set_filters() for ports for which the kernel does not filter. Used by one thread.
 class CanFilters {
  public:
   static constexpr std::size_t most = 64;

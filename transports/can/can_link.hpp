@@ -18,8 +18,8 @@ class CanLink {
 
   virtual ~CanLink() = default;
 
-  // Opens a new socket, because one whose interface was removed has lost its filters, and binds it. Returns 0 or an
-  // errno.
+  // Opens a new socket and binds it. A new socket is needed, because a socket whose interface was removed has lost
+  // its filters. Returns 0 or an errno.
   virtual int bind() noexcept = 0;
   virtual void unbind() noexcept = 0;
   virtual bool is_bound() const noexcept = 0;
@@ -29,8 +29,9 @@ class CanLink {
   // first call, and with more than 64 filters, every frame passes.
   virtual void set_filters(std::span<const CanFilter> filters) noexcept = 0;
 
-  // Sends frames. Returns the number of frames sent, or -1 with errno. Each message is a canfd_frame, its first
-  // CAN_MTU bytes for a classic one. frames.size() <= max_batch.
+  // Sends frames. Returns the number of frames sent, or -1 with errno. A message for an FD frame is a whole
+  // canfd_frame; a message for a classic frame is the first CAN_MTU bytes of a canfd_frame. Requires frames.size()
+  // <= max_batch.
   struct Message {
     const canfd_frame* frame;
     bool fd;

@@ -1,4 +1,4 @@
-// The text of a CAN log, a frame in a line: as candump -L of can-utils writes it, or Vector's ASC.
+// The text formats of CAN logs with one frame a line: the output of candump -L (can-utils), and Vector's ASC.
 #pragma once
 
 #include <array>
@@ -23,31 +23,32 @@ constexpr std::size_t max_can_log_line = 384;
 // The lines before the first frame of a log.
 std::string_view can_log_header(CanLogFormat format) noexcept;
 
-// Writes the line of a frame, with its line feed, and returns its length; 0 if the frame is none of a bus. `time` is
-// resolved to 1 us; a negative one is written as 0. `interface`, at most 15 characters, is the bus of a candump log.
-// An ASC log has its number, see channel_of().
+// Writes the line of a frame, with a line feed. Returns the length of the line, bytes; 0 if a CAN bus cannot carry
+// the frame. `time` is written with a resolution of 1 us; a negative time is written as 0. `interface` has at most
+// 15 characters: a candump log contains this name, an ASC log the channel_of() this name.
 std::size_t write_can_log(CanLogFormat format, const Frame& frame, Nanoseconds time, std::string_view interface,
                           std::span<char, max_can_log_line> line) noexcept;
 
 // Returns the channel that can-utils gives an interface in an ASC log: 1 for can0 or for a name without number.
 unsigned channel_of(std::string_view interface) noexcept;
 
-// Reads the lines of a log, of either format. Any text is harmless. One thread.
+// Parses the lines of a log in either format. Any text is safe. Used by one thread.
 class CanLogReader {
  public:
-  // With `interface` only its frames are read: in an ASC log, the frames of its channel_of().
+  // With `interface`, only the frames of that interface are read; in an ASC log these are the frames of
+  // channel_of(interface).
   explicit CanLogReader(std::optional<std::string> interface = {}) : interface_(std::move(interface)) {}
 
   enum class Line : std::uint8_t {
-    frame,      // frame() and time() have it
+    frame,      // frame() and time() return its content
     other,      // a header, an event, or a frame of another interface
-    malformed,  // begins as a frame does, but is none
+    malformed,  // the line begins like a frame, but is not valid
   };
   Line read(std::string_view line) noexcept;
 
-  // The frame of the last line; valid until the next.
+  // Returns the frame of the last line; its data are valid until the next read().
   Frame frame() const noexcept { return {std::span(data_).first(size_), header_}; }
-  // Its time stamp. An ASC log counts from the log's begin.
+  // Returns the time stamp of the last frame; in an ASC log, the time since the beginning of the log.
   Nanoseconds time() const noexcept { return time_; }
 
  private:

@@ -28,13 +28,14 @@ inline constexpr PortOption max_age_option = {.key = "max_age_ms",
 
 class CanPort final : public Port {
  public:
-  // Binds nothing yet. Without `allows_fd`, no FD frame is sent. Uses the spec's options
-  // above and in can_bus.hpp.
+  // Does not bind `link` yet. If `allows_fd` is false, the port sends no FD frame. Uses the spec's options above
+  // and in can_bus.hpp.
   CanPort(const PortSpec& spec, const PortSettings& settings, std::unique_ptr<CanLink> link, bool allows_fd);
 
-  // Returns 0 or an errno.
+  // Binds the link. Returns 0 or an errno.
   int bind() noexcept;
-  // The interface does not exist yet: it is waited for.
+  // Call this in place of bind() if the interface does not exist yet: the port is `lost`, and binds the link
+  // later.
   void await() noexcept;
   bool carries_fd() const noexcept { return carries_fd_; }
 
@@ -67,8 +68,8 @@ class CanPort final : public Port {
   void lose(int error) noexcept;
   // The kernel has refused the oldest frame that is ready. Returns true if the next one may be tried.
   bool handle_refusal(int error) noexcept;
-  // Returns false if the interface cannot carry the frame. Error frames are the controller's own. A virtual interface
-  // has none, and passes on other nodes' error frames.
+  // Returns false if the interface cannot carry the frame. Only a virtual interface carries the error frames of
+  // other nodes: a controller makes its own error frames, and a virtual interface has no controller.
   bool pack(const Frame& frame, CanQueue::Queued& queued) const noexcept;
   CanHeader header_of(bool fd) const noexcept;
   // Takes the state of the controller from an error frame.

@@ -40,7 +40,7 @@ class CanQueue {
   // Returns the number of frames for which there is room.
   std::size_t room() const noexcept { return max_frames - count_; }
   bool is_empty() const noexcept { return count_ == 0; }
-  // Appends a frame; there must be room.
+  // Appends a frame. Requires room() > 0.
   void push(const Queued& frame) noexcept { queue_[(first_ + count_++) % max_frames] = frame; }
 
   // Returns the number of frames, from the oldest, that may leave at `now`.
@@ -48,8 +48,8 @@ class CanQueue {
   // Returns frame `i`, where 0 is the oldest and i < max_frames - room().
   const Queued& operator[](std::size_t i) const noexcept { return queue_[(first_ + i) % max_frames]; }
 
-  // Removes the oldest `count` frames, which have left. If frames are not paced, `now` may be HostTime{}, there and
-  // in ready(), until interface_full() is called.
+  // Removes the oldest `count` frames after they were sent. If frames are not paced, `now` may be HostTime{} here
+  // and in ready() until interface_full() is called.
   void sent(std::size_t count, HostTime now) noexcept;
   // Records that the interface has no room: no frame is ready until retry_pause after `now`.
   void interface_full(HostTime now) noexcept { retry_ = now + retry_pause; }

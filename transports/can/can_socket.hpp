@@ -17,15 +17,15 @@
 
 namespace imud {
 
-// Receives classic and FD frames and every error frame. Data and remote frames pass the filters. Arrivals have the
-// kernel's time stamps.
+// Receives every error frame, and the data and remote frames, classic or FD, that pass the filters. The times of
+// arrival are the kernel's time stamps.
 class CanSocket final : public CanLink {
  public:
   static constexpr std::size_t max_filters = 64;
 
-  // Opens nothing yet. `interface` has less than IFNAMSIZ characters. With `confirm` it receives its own frames when
-  // they are sent: a controller's driver returns a frame when it was on the bus (IFF_ECHO); for vcan, vxcan and
-  // slcan the kernel does it when the interface takes the frame.
+  // Opens no socket yet. `interface` must have fewer than IFNAMSIZ characters. With `confirm` the socket receives
+  // its own frames when they are sent: a controller's driver returns a frame when it was on the bus (IFF_ECHO);
+  // for vcan, vxcan and slcan the kernel returns a frame when the interface takes it.
   CanSocket(std::string interface, bool confirm) : interface_(std::move(interface)), confirm_(confirm) {}
 
   int bind() noexcept override;
@@ -38,7 +38,7 @@ class CanSocket final : public CanLink {
   int pending_error() const noexcept override;
   int mtu() const noexcept override;
   bool is_up() const noexcept override;
-  // True if the interface is a vcan or vxcan, or its driver is unknown.
+  // Returns true if the interface is a vcan or vxcan, or if its driver is unknown.
   bool is_virtual() const noexcept override;
 
  private:

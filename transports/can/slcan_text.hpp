@@ -14,17 +14,17 @@ namespace imud {
 // The longest line of a frame, bytes: kind, 8 digits of the identifier, length code, 64 data bytes, carriage return.
 constexpr std::size_t max_slcan_line = 1 + 8 + 1 + 128 + 1;
 
-// Writes the line of a frame and returns its length; 0 if the frame is none of a bus.
+// Writes the line of a frame. Returns the length of the line, bytes; 0 if a CAN bus cannot carry the frame.
 std::size_t write_slcan(const Frame& frame, std::span<char, max_slcan_line> line) noexcept;
 
-// Reads what an adapter sends, byte by byte. Any bytes are harmless. One thread.
+// Parses the bytes that an adapter sends. Any input is safe. Used by one thread.
 class SlcanReader {
  public:
   enum class Result : std::uint8_t {
     nothing,    // the line is not complete, or it acknowledges or answers a command
-    frame,      // frame() has it
+    frame,      // frame() returns the frame in the line
     refusal,    // the adapter has refused a command or a frame (BEL)
-    malformed,  // a line that no adapter sends
+    malformed,  // the line has no valid form
   };
   Result feed(char byte) noexcept;
 

@@ -18,8 +18,8 @@ struct HostAddress {
   // its first and last part begin with a letter (RFC 1123, section 2.1), so that a misspelt address is not looked up.
   static HostAddress parse(std::string_view text);
   // Returns the address in numbers. A name is looked up by getaddrinfo(3), IPv4 before IPv6, which may wait for a
-  // name server; only once by a thread, so that all ports, and a port that is opened again, have the same address.
-  // Throws PortError if the name is not known.
+  // name server. A thread looks a name up only once, so that all its ports, also a port that is opened again, have
+  // the same address. Throws PortError if the name is not known.
   NumericAddress numeric() const;
 };
 

@@ -24,7 +24,7 @@ struct SocketAddress {
   const sockaddr* get() const noexcept { return reinterpret_cast<const sockaddr*>(&storage); }
   sockaddr* room() noexcept { return reinterpret_cast<sockaddr*>(&storage); }
   int family() const noexcept { return storage.ss_family; }
-  // IPv4 and IPv6 only.
+  // Requires an IPv4 or IPv6 address.
   Endpoint endpoint() const noexcept;
   bool is_multicast() const noexcept;
 };

@@ -13,9 +13,10 @@
 
 namespace imud {
 
-// A stream of bytes to and from one peer. Until the first peer is there, the state is `no_reader`. A peer that
-// disconnects is counted as a loss. Its earlier bytes are received first, and the rest of a frame that it has
-// received in part is discarded. A peer whose machine has vanished silently is found within some 15 s.
+// A stream of bytes to and from one peer. Until the first peer connects, the state is `no_reader`. A disconnection
+// is counted as a loss: bytes that the peer has sent before are received first, and the rest of a frame that was
+// sent in part is discarded. If the peer's machine vanishes without closing the connection, the port notices this
+// within some 15 s.
 class StreamSocket : public Port {
  public:
   void send(std::span<const Frame> frames) noexcept override;
@@ -34,9 +35,9 @@ class StreamSocket : public Port {
   virtual FileDescriptor next_peer() noexcept = 0;
   // Returns the descriptor that is readable when next_peer() will return a connection; -1: there is none.
   virtual int waiting_descriptor() const noexcept = 0;
-  // Refuses others that want to be the peer.
+  // Refuses further connections while there is a peer.
   virtual void refuse_others() noexcept = 0;
-  // Called when the peer has disconnected. Returns the state until there is another one.
+  // Called when the peer has disconnected. Returns the state until another peer connects.
   virtual PortState after_loss() noexcept = 0;
 
   bool has_peer() noexcept;
@@ -67,10 +68,10 @@ class ConnectingSocket final : public StreamSocket {
   BackOff back_off_;
 };
 
-// Accepts one peer at a time. A connection that others make meanwhile is closed at once, and counted as refused.
+// Accepts one peer at a time. A further connection is closed at once and counted as refused.
 class ListeningSocket : public StreamSocket {
  public:
-  // `socket` listens, and does not block. `chosen_port`: see Port.
+  // Requires a non-blocking `socket` that listens. `chosen_port`: see Port.
   ListeningSocket(FileDescriptor socket, Role role, std::string chosen_port = {});
   std::string chosen_port() const override { return chosen_port_; }
 
