@@ -45,27 +45,28 @@ struct PortSettings {
   bool yields = false;
   // A listener of UDP only: receives the datagrams of this sender alone, and counts others as foreign.
   std::optional<Endpoint> from;
-  // A regular file is written beside the old one, which it replaces at commit(). False: the old one is emptied at
-  // once.
+  // True: a regular file is written beside the old file and replaces it at commit(). False: the old file is
+  // truncated at once.
   bool replaces_file = false;
 };
 
-// The state of a port, as its last call found it. A lost device is a state, never an exit.
+// The state of a port at the last call of one of its functions. A lost device is a state, never an exit.
 enum class PortState : std::uint8_t {
   ready,
   no_reader,      // no process has the other end open: frames are discarded
   wrong_speed,    // the client of a pty has set another speed than the line's: both sides read garbage, and frames
                   // count as sent
   error_warning,  // a CAN controller has counted 96 errors or more (ISO 11898-1); frames leave
-  error_passive,  // 128 or more: it no longer disturbs the frames of others, and its own may leave late
+  error_passive,  // 128 errors or more: the controller no longer disturbs the frames of others, and its own frames
+                  // may leave late
   lost,           // unplugged, removed, down, or bus-off: the port reopens itself with back-off
 };
 
 struct PortCounters {
   std::uint64_t sent = 0;        // frames that the kernel took whole
   std::uint64_t replies = 0;     // of these, frames in answer to the host
-  std::uint64_t dropped = 0;     // frames that it did not take; one that it took in part is not counted yet
-  std::uint64_t failed = 0;      // of these, frames lost to an error of a file, such as a full disk
+  std::uint64_t dropped = 0;     // frames that the kernel did not take; a frame taken in part is not counted yet
+  std::uint64_t failed = 0;      // of the dropped: frames lost to an error of a file, such as a full disk
   std::uint64_t received = 0;    // frames or chunks
   std::uint64_t confirmed = 0;   // frames whose transmission was confirmed, see next_confirmation()
   std::uint64_t lost_count = 0;  // times the device was lost; streams of a capture that others follow
@@ -74,8 +75,8 @@ struct PortCounters {
   std::uint64_t foreign = 0;     // datagrams of other senders than PortSettings::from
   Endpoint foreign_from;         // the sender of the newest of these
   std::uint64_t connections_refused = 0;  // because the port has another peer
-  // CAN: error frames of the controller; times that it came to a state, see PortState; frames that an adapter
-  // refused.
+  // CAN: error frames of the controller; times that the controller entered a state, see PortState; frames that an
+  // adapter refused.
   std::uint64_t bus_errors = 0, error_warnings = 0, error_passives = 0, bus_offs = 0, bus_restarts = 0, refused = 0;
 
   // Counts frames that the kernel took whole.
@@ -128,22 +129,23 @@ class Port {
   virtual bool at_end() const noexcept { return false; }
   // Describes how a capture ended if it is damaged ("cut short in record 12"); empty otherwise.
   virtual std::string_view end_warning() const noexcept { return {}; }
-  // Returns whether the recorded datagrams are kept apart, where this differs from file to file;
-  // nullopt: as the transport does.
+  // Returns whether the recorded datagrams are kept apart, where this differs from file to file; nullopt:
+  // Transport::keeps_datagrams holds for every file.
   virtual std::optional<bool> keeps_datagrams() const noexcept { return std::nullopt; }
   // Describes an ended capture without datagrams for the UDP port, or without a stream of the TCP port: "300
-  // datagrams to port 9810 and none to 9811". Empty if it has had some.
+  // datagrams to port 9810 and none to 9811". Empty if the capture had one of these.
   virtual std::string_view other_content() const noexcept { return {}; }
 
   // Changes the UART's settings for all later frames. A real line drops new frames until the earlier frames have
-  // left. A port without UART ignores it.
+  // left. A port without a UART ignores the call.
   virtual void set_line(const UartSettings&) noexcept {}
 
-  // Pulls the cable out, or in again. A pty without a keeper hangs its client up and has no link meanwhile;
-  // afterwards there is another one, which a client has to open. Default: does nothing, for a port whose peer sees
-  // no cable.
+  // Unplugs the cable (false), or plugs it in again (true). A pty without a keeper hangs its client up and removes
+  // its link; when the cable is plugged in again, the link leads to another pty, which a client has to open. The
+  // default does nothing: the peer of such a port sees no cable.
   virtual void set_connected(bool) noexcept {}
-  // Begins or ends a break: the line is at space. Returns false if the port cannot do that.
+  // Begins (true) or ends (false) a break, during which the line is at space. Returns false if the port cannot
+  // make a break.
   virtual bool set_break(bool) noexcept { return false; }
 
   // Sends the held bytes, as far as possible now: a file's buffer, the rest of a frame taken in part, the characters
@@ -158,7 +160,7 @@ class Port {
   // would discard it.
   virtual bool is_drained() noexcept { return true; }
   // Returns true if the frames of a sample have room in the port's own buffer: send() drops none of them, and the
-  // caller need not wait. False if the port keeps none back, or too many.
+  // caller need not wait. Returns false if the port has no buffer of its own, or if too many frames wait in it.
   virtual bool has_room() const noexcept { return false; }
   // Returns false if receive() never returns anything: do not poll for POLLIN.
   virtual bool can_receive() const noexcept { return true; }
@@ -167,7 +169,7 @@ class Port {
   // if they pass, too. May be called at any time; earlier frames are not filtered again.
   virtual void set_filters(std::span<const CanFilter>) noexcept {}
   // One of the port's own frames, and when the interface sent it: the driver of a CAN controller confirms a frame
-  // when it was on the bus; for vcan, vxcan and slcan the kernel does it when the interface takes the frame.
+  // when it was on the bus; for vcan, vxcan and slcan the kernel confirms a frame when the interface takes it.
   struct Confirmation {
     CanHeader can;
     HostTime time;
@@ -186,8 +188,8 @@ class Port {
     unsigned line = 0, client = 0;
   };
 
-  // Returns the port's text with the number that the system has chosen in place of 0, "udp:127.0.0.1:41234"; empty if
-  // it has chosen none. Allocates: call it after opening.
+  // Returns the port's text with the number that the system has chosen in place of 0, "udp:127.0.0.1:41234"; empty
+  // if the system has chosen none. Allocates: call it after opening.
   virtual std::string chosen_port() const { return {}; }
   // Returns how much of a capture has been read, from 0 to 1; nullopt if its size is not known.
   virtual std::optional<double> progress() const noexcept { return std::nullopt; }
@@ -207,7 +209,7 @@ class Port {
   PortCounters counters_;
 };
 
-// A transport's UART.
+// The kind of UART that a transport has.
 enum class Uart : std::uint8_t {
   none,
   real,      // hardware, which paces its characters by itself
@@ -236,7 +238,7 @@ struct Transport {
   std::span<const PortOption> options = {};  // all that its ports have; check_port() checks that each is in its range
 
   bool carries_can = false;           // frames have an identifier; otherwise they are bytes
-  bool carries_any = false;           // what was recorded: bytes or frames with an identifier
+  bool carries_any = false;           // bytes or frames with an identifier, as recorded
   bool keeps_datagrams = false;       // one frame sent is one frame received; otherwise a stream of bytes
   bool ends = false;                  // a listener reads something recorded, up to its end
   bool brings_truth = false;          // may be the port of the truth
@@ -252,34 +254,36 @@ struct Transport {
   // their names (".csv .txt"), without the suffix of compression; "*" stands for all that no other transport claims.
   std::string_view suffixes = {};
 
-  // Returns true if the file is the record of a run, which this transport reads whatever its name, and which
-  // `imud replay` repeats. nullptr: none is.
+  // Returns true if the file is the record of a run. This transport reads a record whatever the file's name is,
+  // and `imud replay` repeats the run. nullptr: this transport reads no records.
   bool (*is_record)(const std::string& path) = nullptr;
 
-  // Throws PortError if such a port cannot have this address, these options together, or these settings; its text has
-  // the fault and the remedy. Opens nothing. check_port() checks the role and each option. Absent: none is refused.
+  // Throws PortError if a port of this kind cannot have this address, this combination of options, or these
+  // settings; the text of the error states the fault and the remedy. Opens nothing. check_port() checks the role
+  // and each single option. The default refuses no port.
   void (*check)(const PortSpec& spec, const PortSettings& settings) = [](const PortSpec&, const PortSettings&) {};
   // Opens a port. Throws PortError, which names the failed action.
   std::unique_ptr<Port> (*open)(const PortSpec& spec, const PortSettings& settings);
 
   // Returns how long `frame` occupies the wire. nullptr: frames leave instantly.
   WireTime (*wire_time)(const PortSpec& spec, const PortSettings& settings, const Frame& frame) = nullptr;
-  // Returns the UDP port whose datagrams a listener receives; nullopt: all ports' datagrams, or one port's that is
-  // chosen when it opens. Throws PortError if the spec has not passed check(). nullptr: the transport does not use
-  // UDP. A transport that `ends` has it as its option `port`, which also selects the streams of a TCP port.
+  // Returns the UDP port whose datagrams a listener receives; nullopt: the listener receives datagrams to all
+  // ports, or its port is chosen when it opens. Throws PortError if the spec has not passed check(). nullptr: the
+  // transport does not use UDP. A transport that `ends` takes the number from its option `port`, which also
+  // selects the streams of a TCP port.
   std::optional<std::uint16_t> (*udp_port)(const PortSpec& spec) = nullptr;
-  // Returns the port number at one end of a TCP connection, by which a capture has the same stream; nullopt: one that
-  // is chosen when the port opens. Throws PortError if the spec has not passed check(). nullptr: the transport does
-  // not use TCP.
+  // Returns the port number at one end of a TCP connection; with this number the same stream can be selected in a
+  // capture. nullopt: the number is chosen when the port opens. Throws PortError if the spec has not passed
+  // check(). nullptr: the transport does not use TCP.
   std::optional<std::uint16_t> (*tcp_port)(const PortSpec& spec) = nullptr;
-  // Returns true if frames of a device at `device` arrive at a listener at `listener`. Both have passed
-  // check(). nullptr: it never does.
+  // Returns true if frames of a device at `device` arrive at a listener at `listener`. Both have passed check().
+  // nullptr: they never arrive.
   bool (*reaches)(const PortSpec& device, const PortSpec& listener) = nullptr;
   // Returns true if a device's frames go to standard output. nullptr: never.
   bool (*is_standard_output)(const PortSpec& spec) = nullptr;
 };
 
-// Opens a port of a class whose constructor takes both: for Transport::open.
+// Implements Transport::open for a class whose constructor takes spec and settings.
 template <class Class>
 std::unique_ptr<Port> open_as(const PortSpec& spec, const PortSettings& settings) {
   return std::make_unique<Class>(spec, settings);
@@ -292,7 +296,7 @@ const Transport* find_transport(std::string_view name) noexcept;
 // Returns the transport that a port's text "scheme:rest" names; nullptr if there is none.
 const Transport* transport_of(std::string_view port) noexcept;
 
-// Returns an example, its syntax without options, of each transport that fulfils `condition`.
+// Returns the syntax, without options, of each transport that fulfils `condition`.
 template <class Condition>
 std::vector<std::string_view> port_examples(Condition condition) {
   std::vector<std::string_view> all;
@@ -308,7 +312,7 @@ void check_port(const Transport& transport, const PortSpec& spec, const PortSett
 // Opens "scheme:address?key=value&...". Throws PortError.
 std::unique_ptr<Port> open_port(std::string_view port, const PortSettings& settings);
 
-// Returns the transport for which a regular file is a record (Transport::is_record); nullptr if it is none.
+// Returns the transport whose Transport::is_record() recognises a regular file; nullptr if the file is no record.
 const Transport* record_transport_of(const std::string& path);
 
 // Returns the port that reads a capture: `capture` itself if it begins with the scheme of a transport that `ends`,

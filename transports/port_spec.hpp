@@ -16,8 +16,8 @@ struct PortError : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-// An option that a kind of port has: an integer in [min, max], or one of `choices`, or either; any text if it has
-// neither.
+// An option of a kind of port. Its value is an integer in [min, max] or one of `choices`; an option with neither a
+// range nor choices takes any text.
 struct PortOption {
   std::string_view key;
   std::string_view help;  // one line, with the unit and the default
@@ -42,7 +42,7 @@ struct PortSpec {
   std::optional<std::int64_t> integer(const PortOption& option) const {
     return integer(option.key, option.min, option.max);
   }
-  // Returns an option as it is; nullopt if absent.
+  // Returns the text of an option; nullopt if absent.
   std::optional<std::string> text(std::string_view key) const;
   // Returns an option that is one of `choices` ("none even odd"); the first of them if absent. Throws PortError if
   // it is none of them.
@@ -55,8 +55,8 @@ struct PortSpec {
   PortError error(std::string_view what) const;
 };
 
-// "ADDR:PORT" of UDP or TCP: a numeric IPv4 address, or a numeric IPv6 address in brackets; port 0 is one that the
-// system chooses. Throws PortError.
+// "ADDR:PORT" of UDP or TCP: a numeric IPv4 address, or a numeric IPv6 address in brackets; for port 0 the system
+// chooses a port. Throws PortError.
 struct NumericAddress {
   std::string address;
   std::uint16_t port = 0;

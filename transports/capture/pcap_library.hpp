@@ -5,8 +5,8 @@
 
 namespace imud {
 
-// libpcap is loaded when the first capture is opened: it depends on D-Bus, systemd and five further libraries, with
-// which it captures live, and every start of a program that is linked to it has to load them.
+// libpcap is loaded when the first capture is opened. A program that is linked to libpcap would load it at every
+// start, together with D-Bus, systemd and five further libraries, which libpcap needs only for live captures.
 struct PcapLibrary {
   decltype(&::pcap_open_offline_with_tstamp_precision) open_offline;
   decltype(&::pcap_fopen_offline_with_tstamp_precision) fopen_offline;

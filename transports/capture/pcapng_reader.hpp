@@ -20,7 +20,8 @@ namespace imud {
 // section header or an interface. One thread.
 class PcapngReader {
  public:
-  // Opens the file at the spec's address; - is standard input. Throws PortError, also if it does not begin as pcapng.
+  // Opens the file at the spec's address; - is standard input. Throws PortError if the file cannot be opened or
+  // does not begin as pcapng.
   explicit PcapngReader(const PortSpec& spec);
 
   // Returns the next packet, valid until the next call; nullopt if none is there now, or at_end().
@@ -30,9 +31,10 @@ class PcapngReader {
   // Describes how the file ended if it is damaged; otherwise empty.
   std::string_view end_warning() const noexcept { return {warning_.data(), warning_size_}; }
 
-  // The interfaces of the current section up to the last packet.
+  // Returns the interfaces that the current section has declared before the last packet.
   std::span<const PcapngInterface> interfaces() const noexcept { return interfaces_; }
-  // Packets of interfaces that the section has not, or longer than longest_block.
+  // Returns the number of skipped packets: their section does not declare their interface, or they are longer than
+  // longest_block.
   std::uint64_t skipped() const noexcept { return skipped_; }
 
   int descriptor() const noexcept { return file_.is_regular() ? -1 : file_.descriptor(); }
@@ -42,7 +44,7 @@ class PcapngReader {
   static constexpr std::size_t most_interfaces = 4096;
 
  private:
-  // How the times of an interface become ns.
+  // Unit and offset of an interface's time stamps, for their conversion to ns.
   struct Clock {
     std::uint8_t resolution = 6;  // if_tsresol
     std::int64_t offset_s = 0;    // if_tsoffset
@@ -64,7 +66,7 @@ class PcapngReader {
   static constexpr std::size_t buffer_size = 2 * longest_block;
   const std::unique_ptr<std::byte[]> memory_ = std::make_unique_for_overwrite<std::byte[]>(buffer_size);
   const std::span<std::byte> buffer_{memory_.get(), buffer_size};
-  std::size_t begin_ = 0, end_ = 0;  // what was read and is not parsed
+  std::size_t begin_ = 0, end_ = 0;  // bytes that were read, but not parsed yet
   std::size_t skip_ = 0;             // bytes of a block too long for the buffer that are still to be skipped
   bool swapped_ = false;             // the section has the other byte order
   bool at_end_ = false;

@@ -30,9 +30,9 @@ inline constexpr std::string_view truth_interface = "truth";
 // The name of the interface that has the configuration, TOML with the value of every key, in pieces after `begin`.
 inline constexpr std::string_view config_interface = "imud config";
 
-// One thing that the sampling thread did, in the order in which it did it. 32 bytes, little-endian: u8 type, u8
-// flags, u16 interface, u32 0, i64 a, i64 b, i64 c. `interface` is the number of the imu's own interface, whose
-// frames leave. Host times are in ns of CLOCK_MONOTONIC.
+// One action of the sampling thread. A record has these events in the order of the actions. 32 bytes,
+// little-endian: u8 type, u8 flags, u16 interface, u32 0, i64 a, i64 b, i64 c. `interface` is the number of the
+// imu's own interface, whose frames leave. Host times are in ns of CLOCK_MONOTONIC.
 struct RecordEvent {
   enum class Type : std::uint8_t {
     deadlines = 0,  // the devices' deadlines were polled. Not written: later events state until when
@@ -80,16 +80,17 @@ struct RecordEvent {
 using RecordEventBytes = std::array<std::byte, RecordEvent::size>;
 
 RecordEventBytes encode_record_event(const RecordEvent& event) noexcept;
-// Returns nullopt for bytes that are none.
+// Returns nullopt if the bytes are no event.
 std::optional<RecordEvent> decode_record_event(std::span<const std::byte> bytes) noexcept;
 
-// Append a CAN frame as SocketCAN packet, or a datagram with the IP and UDP headers that it had, as far as they are
-// known: IPv4 if both addresses are, otherwise IPv6.
+// Append a CAN frame as SocketCAN packet, or a datagram with IP and UDP headers that have the known addresses and
+// ports: IPv4 if both addresses can be IPv4, otherwise IPv6.
 void append_can_packet(std::vector<std::byte>& out, const Frame& frame);
 void append_udp_packet(std::vector<std::byte>& out, std::span<const std::byte> payload, const Endpoint& from,
                        const Endpoint& to);
 UdpPacket decode_udp_packet(std::span<const std::byte> packet) noexcept;
-// Returns the CAN frame of a SocketCAN packet, a view of its data; nullopt if it is none.
+// Returns the CAN frame of a SocketCAN packet; its data are a view of `packet`. Returns nullopt if the packet is
+// no CAN frame.
 std::optional<Frame> decode_can_packet(std::span<const std::byte> packet) noexcept;
 
 }  // namespace imud

@@ -14,7 +14,7 @@ namespace imud {
 
 struct TcpSegment {
   enum class Outcome : std::uint8_t {
-    whole,      // `payload` is the segment's, all of it; often empty
+    whole,      // `payload` is the whole payload of the segment; often empty
     truncated,  // a segment from or to the port that is cut short
     not_ours,   // anything else
   } outcome;
@@ -27,30 +27,30 @@ struct TcpSegment {
 // Returns the segment in a packet. `port` is at either end of the connection. Any content is safe.
 TcpSegment tcp_segment(const IpPacket& ip, std::uint16_t port) noexcept;
 
-// Reassembles one direction of one connection after the other: the direction of the first payload. The next
-// connection, or the rest after a hole, is a new stream. Repeated bytes are dropped. Early segments are kept until
-// the bytes before them arrive. Bytes that have not arrived when most_held segments are kept, or when the
-// connection ends, are a hole. A connection without an end ends when most_held segments of others follow. Allocates
-// in the constructor only.
+// Reassembles one connection after the other, and only one direction of each: the direction of the first payload.
+// The next connection, or the rest after a hole, is a new stream. Repeated bytes are dropped. Early segments are
+// kept until the bytes before them arrive. Bytes that have not arrived when most_held segments are kept, or when
+// the connection ends, are a hole. A connection without an end ends when most_held segments of others follow.
+// Allocates in the constructor only.
 class TcpStream {
  public:
   static constexpr std::size_t most_held = 64;  // segments
 
   TcpStream();
 
-  // Adds a segment, which is whole. Returns false if it carries nothing for the stream, such as an acknowledgement,
-  // the opposite direction, or another connection at the same time. Call next() until it returns nothing before the
-  // next call.
+  // Adds a segment. Requires Outcome::whole. Returns false if it carries nothing for the stream, such as an
+  // acknowledgement, the opposite direction, or another connection at the same time. Before the next push(), call
+  // next() until it returns nullopt.
   bool push(const TcpSegment& segment) noexcept;
   // Ends the stream: kept segments follow, as after a hole.
   void finish() noexcept { is_ending_ = is_active_; }
 
   struct Piece {
     std::span<const std::byte> bytes;  // not empty; valid until the next push()
-    bool begins;                       // does not continue the piece before
+    bool begins;                       // this piece begins a new stream
   };
   std::optional<Piece> next() noexcept;
-  // The sender of the stream.
+  // Returns the sender of the stream.
   const Endpoint& from() const noexcept { return way_.from; }
   std::uint64_t holes() const noexcept { return holes_; }
 

@@ -12,7 +12,7 @@ namespace imud {
 
 struct UdpPacket {
   enum class Outcome : std::uint8_t {
-    whole,      // `payload` is the datagram's, all of it; perhaps empty
+    whole,      // `payload` is the whole payload of the datagram; perhaps empty
     truncated,  // a datagram for the port, or one that may be: a fragment, or cut short
     not_ours,   // anything else
   } outcome;
@@ -21,7 +21,8 @@ struct UdpPacket {
   Endpoint from = {};      // valid if whole
 };
 
-// Returns the datagram in a packet. `port` is the destination's; 0 accepts any. Any content is safe.
+// Returns the datagram in a packet. Accepts only datagrams whose destination is `port`; 0 accepts any port. Any
+// content is safe.
 UdpPacket udp_packet(const IpPacket& ip, std::uint16_t port) noexcept;
 inline UdpPacket udp_packet(int link_type, std::span<const std::byte> captured, std::uint16_t port) noexcept {
   return udp_packet(ip_packet(link_type, captured), port);
