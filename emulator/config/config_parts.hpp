@@ -53,9 +53,9 @@ std::optional<std::uint16_t> tcp_port(const std::string& port);
 
 // Returns true if the setting is the path of a file; frame_file may be the name of a shipped description instead.
 inline bool names_file(const Setting& setting) { return setting.key.ends_with("_file"); }
-// Reads the declared settings that the table has, or `own`, a table in it that is for them alone. A list may be given
-// as a table: {a = "b"} is ["a=b"]; a whole number in it counts as its text. Adds a fault for each value that is
-// refused. `absent`: the values of absent keys; nullptr: the initial ones.
+// Reads the declared settings from `table`, or from `own`, a subtable that has only these settings. A list may be
+// given as a table: {a = "b"} is ["a=b"]; a whole number in it counts as its text. Adds a fault for each value
+// that is refused. `absent`: the values of absent keys; nullptr: the initial ones.
 Settings read_settings(TableReader& table, std::span<const Setting> declared, TableReader* own = nullptr,
                        const Settings* absent = nullptr);
 
@@ -83,12 +83,14 @@ struct CurrentField {
 };
 TriadErrors read_magnetometer(TableReader table, const TriadErrors* product, double rate_hz, CurrentField& current);
 
-// Reads [[imu.cause]] into model.causes; the errors of the three triads must be read (sensor_keys.cpp).
+// Reads [[imu.cause]] into model.causes. Requires that the errors of the three triads have been read
+// (sensor_keys.cpp).
 void read_causes(TableReader& imu, ImuModel& model);
 
-// Read a barometer's errors, over the product's errors, and the errors or the filter of a navigation solution, for
-// which the errors of the sensors must be read (navigation_config.cpp). The filter has the gravitation of the truth's
-// world, in which its receiver must have places.
+// Read the errors of a barometer, which replace the product's errors in `errors`, and the errors or the filter of
+// a navigation solution (navigation_config.cpp). read_navigation() requires that the errors of the sensors have
+// been read. The filter has the gravitation of the truth's world; the receiver of the filter must have places in
+// this world.
 void read_barometer(TableReader table, BarometerErrors& errors);
 void read_navigation(TableReader table, const TruthConfig& truth, ImuConfig& imu);
 
@@ -99,8 +101,8 @@ TemperatureModel read_temperature(TableReader table);
 // Reads where the web server listens (web/web_config.cpp).
 WebConfig read_web(TableReader table);
 
-// Returns the model that an imu has by its protocol and its settings. Adds a fault if a description names one that
-// does not exist (presets.cpp).
+// Returns the name of the model that the protocol and the settings of an imu imply. Adds a fault if a description
+// of frames names a model that does not exist (presets.cpp).
 std::string_view own_model(TableReader& table, const ImuConfig& imu);
 // Reads the `model` of an imu, by default `own`, and returns its preset; nullptr if the word names no preset, or
 // there is no such preset, which is a fault (presets.cpp).
@@ -108,23 +110,24 @@ const Preset* read_model(TableReader& table, std::string_view own, std::string& 
 // Reads the `model` of a magnetometer or a barometer, a preset that `has` one; nullopt if there is none.
 std::optional<PresetErrors> read_field_model(TableReader& table, bool (*has)(const PresetErrors&), double rate_hz);
 
-// Reads jitter and delay of an imu's sampling and errors of its stamps. Its grid must be set
+// Reads jitter and delay of an imu's sampling and errors of its stamps. Requires that the grid of the imu is set
 // (environment_config.cpp).
 void read_instants(TableReader& table, ImuConfig& imu);
 // Reads [imu.clock].
 OscillatorModel read_oscillator(TableReader table);
 
-// Returns whether `port` is the record of a run whose resolved configuration lacks this text: what was not chosen
-// then is not chosen now, so that a run is repeated as it was (fit_config.cpp).
+// Returns whether `port` is the record of a run whose resolved configuration lacks this text. A default that did
+// not exist when the run was recorded does not apply now, so that the run is repeated without a change
+// (fit_config.cpp).
 bool was_recorded_without(const std::string& port, std::string_view text);
 
-// Reads the [[imu]] of that index, after [truth] and [earth] (imu_config.cpp).
+// Reads the [[imu]] of that index. Requires that [truth] and [earth] have been read (imu_config.cpp).
 ImuConfig read_imu(TableReader& table, std::size_t index, const TruthConfig& truth);
 // Adds a fault for each two imus that exclude one another, such as imus of the same name or port, and for each imu
 // that sends to the truth's port (imus_together.cpp).
 void check_imus_together(const std::vector<ImuConfig>& imus, const std::string& truth_port, const toml::array& tables,
                          Faults& faults);
-// Reads the keys of the fit of poses; truth.format and truth.port must be set.
+// Reads the keys of the fit of poses. Requires that truth.format and truth.port are set.
 void read_fit(TableReader& table, ClockMode clock, TruthConfig& truth);
 // Describes the fit, with delay and bandwidth; empty if nothing is derived.
 std::string fit_text(const TruthConfig& truth);

@@ -16,10 +16,10 @@ struct ConfigText {
   std::string sha256;
 };
 
-// Reads `path` (- is standard input; of a record the configuration in it), then sets each override: KEY=VALUE, where
-// KEY is a path such as "truth.port", "imu.0.rate_hz", "imu.NAME.rate_hz" or, for all imus, "imu.*.rate_hz", and
-// VALUE is as in TOML; a bare word is text. Adds a fault for each override that cannot be set. Throws ConfigError if
-// the file cannot be read or is no TOML.
+// Reads the configuration in `path`, a TOML file, a record or - for standard input, then sets each override:
+// KEY=VALUE, where KEY is a path such as "truth.port", "imu.0.rate_hz", "imu.NAME.rate_hz" or, for all imus,
+// "imu.*.rate_hz", and VALUE is as in TOML; a bare word is text. Adds a fault for each override that cannot be
+// set. Throws ConfigError if the file cannot be read or is no TOML.
 ConfigText read_config_text(const std::string& path, std::span<const std::string> overrides, Faults& faults);
 
 // Returns the SHA-256 of the bytes, in hexadecimal.

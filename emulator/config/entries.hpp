@@ -22,10 +22,10 @@ struct Entries {
 // Returns the entries called `name`. If there is none, prints the fault and returns nullopt.
 std::optional<Entries> find_entries(const std::string& name);
 
-// Returns the initial value as JSON, which is the value's text in TOML as well.
+// Returns the initial value of a setting as JSON. The same text is valid in TOML.
 nlohmann::ordered_json initial_value(const Setting& setting);
 
-// Returns "0 to 10", "one of a, b", of a list "any of a, b"; empty if every value is right.
+// Returns "0 to 10", "one of a, b", of a list "any of a, b"; empty if every value is valid.
 std::string valid_values(const Setting& setting);
 std::string valid_values(const PortOption& option);
 

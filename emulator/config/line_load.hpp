@@ -22,11 +22,12 @@ Sample typical_sample();
 bool carries_status(const ImuConfig& imu, std::uint32_t bits);
 // Returns false if the imu's protocol never sends a value that depends on place, magnetic field or pressure.
 bool carries_place(const ImuConfig& imu);
-// Returns true if the imu is known to measure a magnetic field or a pressure, or to have a receiver, and to send it.
-// The imu must be valid.
+// Returns true if the imu is known to measure a magnetic field or a pressure, or to have a receiver, and to send
+// this quantity. Requires a valid imu.
 bool needs_place(const ImuConfig& imu);
-// Returns false if an error of the stamps changes no byte of what the imu sends with its settings. A product whose
-// protocol can have the time counts as if it had it. The imu's protocol must be valid.
+// Returns false if, with the imu's settings, an error of the time stamps changes no byte that the imu sends. A
+// product whose protocol can send the time is treated as if it sent the time. Requires a valid protocol of the
+// imu.
 bool carries_stamp(const ImuConfig& imu);
 
 // Frames of one kind that an imu sends.
@@ -42,12 +43,13 @@ struct SentFrames {
 // Frame::uart.
 std::vector<SentFrames> sent_frames(const ImuConfig& imu, std::uint8_t uart = 0);
 
-// Returns the CAN identifiers that the imu sends and that no host assigns, of extended frames with bit 31. Empty for
-// other links. The imu's protocol must be valid.
+// Returns the CAN identifiers that the imu sends and that no host assigns. The identifiers of extended frames have
+// bit 31 set. Empty for links other than CAN. Requires a valid protocol of the imu.
 std::set<std::uint32_t> fixed_identifiers(const ImuConfig& imu);
 
-// Returns the load of the wire of the port, or of the second port (`uart` 1), by sent_frames(), which for a product
-// takes two seconds of samples: ImuConfig has it as it was read. The imu's protocol and that port must be valid.
+// Returns the load of the wire of the port, or of the second port (`uart` 1), computed from sent_frames(). For a
+// product this computes two seconds of samples; ImuConfig keeps the load that was computed when the configuration
+// was read. Requires that the imu's protocol and that port are valid.
 LineLoad line_load(const ImuConfig& imu, std::uint8_t uart = 0);
 
 // Returns the buses of which at least one port gives the bit rate, in the order of their first imu. A port without a

@@ -15,14 +15,14 @@
 
 namespace imud {
 
-// Whether white noise is stated by a density, and whether its spectrum has negative frequencies, too.
+// Whether white noise is stated by a density, and whether this density also covers negative frequencies.
 enum class Sidedness : std::uint8_t { none, two_sided, one_sided };
 
 // A file: a line with the sensor's name, a line with the source, then, where a bandwidth is known, [imu] with the
 // internal rate and the decimation, then [imu.gyro] and [imu.accelerometer] as in a configuration, or
 // [imu.magnetometer], or [imu.barometer], or several of these. The comment "unconfirmed: from memory", "secondary
-// source" or "assumed" after a value marks one that is not from a document of the manufacturer. Files of users are
-// the same, but need not have the two lines.
+// source" or "assumed" after a value marks a value that is not from a document of the manufacturer. Files of users
+// have the same form, but need not have the first two lines.
 struct Preset {
   std::string_view name;
   std::string_view text;
@@ -30,7 +30,7 @@ struct Preset {
   std::string_view summary() const noexcept;
   std::string_view source() const noexcept;
   // A value and where it is from: "document" of the manufacturer, "secondary source", "memory" or "assumed"; in a
-  // file of a user "not marked". The note is what its comment says beside that.
+  // file of a user "not marked". The note is the rest of the value's comment.
   struct Figure {
     std::string key, value;  // with "gyro." or "accelerometer." before the key
     std::string_view confidence;
@@ -40,7 +40,7 @@ struct Preset {
   std::vector<Figure> figures() const;
 };
 
-// Return all of imus, and all of magnetometers and barometers, sorted by name.
+// Return the presets of imus, and the presets of magnetometers and barometers, sorted by name.
 std::span<const Preset> presets() noexcept;
 std::span<const Preset> field_presets() noexcept;
 // Returns the preset, or a user's file as a preset if the path ends with .toml. The file is read once, and kept to
@@ -51,8 +51,8 @@ const Preset* find_preset(std::string_view name);
 // preset, or "white".
 std::string_view default_model(const Protocol& protocol, const Settings& settings);
 
-// Returns the `rate_hz` of such an imu, Hz: a product's own, which cannot be changed, or by a description; 0: it
-// must be given.
+// Returns the `rate_hz` of an imu with this protocol and these settings, Hz: the fixed rate of a product, or the
+// rate that a description of frames gives; 0: the configuration must give the rate.
 double default_rate_hz(const Protocol& protocol, const Settings& settings);
 
 // How a product makes samples at a rate below its internal rate: each is the value of one internal sample, or the
@@ -73,12 +73,12 @@ struct PresetErrors {
   // is half of the internal rate. Decimation to a lower rate aliases noise: then the samples do not have the density
   // of the data sheet, which a user of the preset expects by default.
   bool is_within(double rate_hz) const;
-  // Takes the filters of gyros and accelerometers away, and leaves the noise and the digits of a sensor whose samples
-  // at this rate, Hz, do not alias.
+  // Removes the filters of gyros and accelerometers. The remaining noise and digits are correct for a sensor whose
+  // samples at this rate, Hz, do not alias.
   void decimate(double rate_hz);
 };
 // Returns the errors at this sample rate, Hz, or the preset's internal rate if higher. Throws ConfigError if the
-// errors are not possible at the rate, or if a user's file is not right.
+// errors are not possible at the rate, or if a user's file is not valid.
 PresetErrors preset_errors(const Preset& preset, double rate_hz);
 
 }  // namespace imud

@@ -1,4 +1,4 @@
-// The configuration that a record has in it.
+// Reads the configuration that a record contains.
 #pragma once
 
 #include <optional>
@@ -9,8 +9,8 @@
 
 namespace imud {
 
-// Returns the configuration in a record, TOML with the value of every key; nullopt if the file is no record. Empty if
-// the record has none.
+// Returns the configuration in a record, TOML with the value of every key; nullopt if the file is no record. Empty
+// if the record contains no configuration.
 std::optional<std::string> recorded_config(const std::string& path);
 
 // Returns a line for each key of `config` whose value differs in the recorded run, `recorded`. Ports of truth and

@@ -74,8 +74,8 @@ Vector3 in_units(TableReader& table, std::string_view stem, std::span<const Erro
 double number_in_units(TableReader& table, std::string_view stem, std::span<const ErrorUnit> units, double fallback,
                        double min);
 
-// The deviation from the straight line, and the polynomials over the temperature: terms, or standard deviations of
-// them, which are at least 0. `Terms` is TriadErrors or ConstantErrors.
+// Read the terms of the deviation from the straight line, and the polynomials over the temperature. `is_sigma`:
+// the values are standard deviations of the terms, which are at least 0. `Terms` is TriadErrors or ConstantErrors.
 template <class Terms>
 void read_nonlinearity(TableReader& table, const AxisLimits& range, bool is_sigma, Terms& terms) {
   using sensor_units::ppm;
