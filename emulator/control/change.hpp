@@ -1,4 +1,4 @@
-// Change: a request that changes the run, as the commands of the sampling thread that make it.
+// Change: the commands by which the sampling thread executes a request that changes the run.
 #pragma once
 
 #include <span>
@@ -23,8 +23,8 @@ struct PortChange {
 struct Change {
   std::vector<Command> commands;
   std::string words;  // for the log: "power off"
-  // The notification of its event: {"event": "power", "state": "off"}; the samples are added when it has been
-  // applied.
+  // The notification of the change's event: {"event": "power", "state": "off"}. The samples are added when the
+  // change has been applied.
   Json event;
   std::vector<PortChange> ports = {};
 };

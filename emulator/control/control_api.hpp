@@ -32,7 +32,7 @@ class ControlApi {
   static constexpr int version = 1;
   static constexpr std::size_t max_request = 64 * 1024;  // bytes; a server refuses longer ones by refuse_long()
 
-  // The run that is controlled. All of it outlives the api.
+  // The run that is controlled. All objects that its members refer to must outlive the api.
   struct Run {
     std::string name;  // of this instance of imud
     const Config& config;
@@ -42,7 +42,7 @@ class ControlApi {
     std::function<void()> quit;  // ends the run; may be called again
     FaultBook& faults;
     Reloader& reloader;
-    bool is_repeated = false;      // from its record, so that nothing can be changed
+    bool is_repeated = false;      // the run is repeated from its record; nothing can be changed
     std::string config_file = {};  // absolute; "-": standard input
     struct Clients {
       std::size_t control = 0, web = 0;  // connections
@@ -53,7 +53,7 @@ class ControlApi {
   };
   ControlApi(boost::asio::io_context& io, Run run);
 
-  // A method of the protocol: a change, which `batch` may have, or another function.
+  // A method of the protocol: a change, which `batch` may contain, or another function.
   struct Method {
     using Act = void (*)(ControlApi& api, const Json& params, const RpcReply& reply,
                          const std::shared_ptr<Subscriber>& client);
@@ -70,10 +70,10 @@ class ControlApi {
   // To add a method, add its entry to the table.
   static std::span<const Method> methods() noexcept;
 
-  // Executes the requests of a text. Calls `answer` once with the text of the answer, in one line without its line
-  // feed, empty if none is wanted: at once, after the sampling thread has made the changes, or from
-  // finish(). `answer` is kept until then. `client` gets notifications; nullptr: this connection cannot have
-  // any.
+  // Executes the requests of a text. Calls `answer` once, with the text of the answer in one line without its line
+  // feed; the text is empty if no answer is wanted. `answer` is called at once, after the sampling thread has made
+  // the changes, or from finish(). `client` gets notifications; nullptr: this connection cannot have
+  // notifications.
   void call(std::string_view request, std::function<void(std::string)> answer,
             const std::shared_ptr<Subscriber>& client = nullptr);
   // Returns the answer to a request that is longer than max_request.
@@ -82,7 +82,7 @@ class ControlApi {
   // The servers count refused clients and lost notifications here.
   ControlCounters& counters() const noexcept { return run_.control.counters; }
 
-  // Executes `reload` for a signal: the log has the answer.
+  // Executes the method `reload` for a signal; the answer is written to the log.
   void reload();
   // Reports an event of the sampling thread to the subscribers.
   void report(const RunEvent& event);
@@ -125,7 +125,7 @@ class ControlApi {
   };
   std::map<std::uint64_t, Waiting> waiting_;
   std::uint64_t last_batch_ = 0;
-  std::deque<RpcReply> next_reloads_;  // of the reloads that begin when the one that waits for its sample is made
+  std::deque<RpcReply> next_reloads_;  // of the reloads that begin after the reload that waits for its sample
   bool ended_ = false;
   std::size_t faults_reported_ = 0;
   // The lines of the log in the second that began at log_second_, and omitted lines since then.

@@ -16,14 +16,14 @@ Change repeat_fault_change(const Json& params, const ChangeContext& context);
 Change end_fault_change(const Json& params, const ChangeContext& context);
 Change clear_faults_change(const Json& params, const ChangeContext& context);
 
-// The kinds that can be begun, with their targets and parameters. `units` of a parameter: the SI unit by target,
-// spelt as in keys, where the key does not name it.
+// Returns the kinds of faults that can be begun, with their targets and parameters. `units` of a parameter is its
+// SI unit for each target, spelt as in keys; absent if the parameter's key names the unit.
 Json fault_kinds_json();
-// The faults of the configuration: name, and words for people.
+// Returns the faults of the configuration: name, and words for people.
 Json configured_faults_json(const FaultBook& faults);
-// The faults that act, by imu.
+// Returns the faults that act, by imu.
 Json active_faults_json(const FaultBook& faults, const Config& config);
-// The notification of a begin or an end. `imus`: their names.
+// Returns the notification of the begin or the end of a fault. `imus`: the names of the imus.
 Json fault_event_json(const FaultBook& faults, const FaultEvent& event, std::span<const std::string> imus);
 
 }  // namespace imud

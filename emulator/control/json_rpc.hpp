@@ -12,7 +12,8 @@ namespace imud {
 
 using Json = nlohmann::ordered_json;
 
-// The answer to a request that is refused: a code of the standard, or of a server (-32000 to -32099), and words.
+// The refusal of a request: an error code, either of the standard or of the server (-32000 to -32099), and a
+// message.
 struct RpcError : std::runtime_error {
   enum Code : int {
     parse_error = -32700,
@@ -33,7 +34,7 @@ inline RpcError wrong_params(const std::string& what) {
   return {RpcError::invalid_params, "Invalid params: " + what};
 }
 
-// Answers one request: called once, with its result or with an RpcError of which `error` is a copy.
+// Sends the answer to one request. Exactly one of result() and error() must be called, once.
 class RpcReply {
  public:
   explicit RpcReply(std::function<void(Json response_members)> send) : send_(std::move(send)) {}

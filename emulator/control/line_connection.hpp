@@ -16,14 +16,15 @@ class LineConnection {
   LineConnection() = default;
   explicit LineConnection(FileDescriptor socket) : socket_(std::move(socket)) {}
 
-  // False: there is no socket, or the connection has ended.
+  // Returns false if there is no socket, or if the connection has ended.
   explicit operator bool() const noexcept { return static_cast<bool>(socket_); }
   int descriptor() const noexcept { return socket_.get(); }
 
   // Sends the text and a line feed. Returns false, and closes the socket, if the connection has ended.
   bool send(std::string line);
-  // Waits for the next line and returns it without its line feed, until `until` if that is given. Returns nullopt if
-  // none has come, or if the connection has ended, which closes the socket.
+  // Waits for the next line, if given not longer than until `until`, and returns the line without its line feed.
+  // Returns nullopt if no line has come, or if the connection has ended; the end of the connection closes the
+  // socket.
   std::optional<std::string> receive(std::optional<HostTime> until = {});
 
  private:

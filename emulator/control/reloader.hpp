@@ -28,8 +28,9 @@ class Reloader {
   bool can_read() const noexcept { return static_cast<bool>(read_); }
   // Returns true from prepare() until finish() or cancel().
   bool is_waiting() const noexcept { return reload_ != nullptr; }
-  // Returns the change by the file, with its new ports open; nullopt if no key differs. Throws RpcError, with all
-  // faults of the file, all keys that cannot change, or all ports that cannot be opened. Not while is_waiting().
+  // Reads the file. Returns the change that the file makes, with its new ports open; nullopt if no key differs.
+  // Throws RpcError, with all faults of the file, all keys that cannot change, or all ports that cannot be opened.
+  // Requires that is_waiting() is false.
   std::optional<Change> prepare();
   // Called when the sampling thread has executed the change. The replaced ports begin to close.
   void finish();

@@ -27,10 +27,10 @@ struct RunningKey {
   Command::Kind kind = Command::Kind::mark;  // a command for each axis of a vector
   bool of_imu = false;
   double min = 0, max = 0;
-  double si = 1;  // its unit
+  double si = 1;  // the value of the key's unit in SI
   std::span<const std::string_view> words = {};
-  std::string_view automatic = {};  // a word in place of the number, which makes another command
-  // Returns why a run of this configuration cannot change it to that value; nullptr if it can.
+  std::string_view automatic = {};  // a word that may replace the number, and makes another command
+  // Returns why a run of this configuration cannot change the key to that value; nullptr if the run can.
   const char* (*refusal)(const Config&, double value) = nullptr;
   std::size_t most = 0;
 };
@@ -41,7 +41,7 @@ std::span<const RunningKey> running_keys() noexcept;
 // imus. Throws RpcError.
 void add_commands(std::vector<Command>& commands, const std::string& key, const Json& value, const Config& config);
 
-// Returns the table for people's programs: [{"key", "meaning", "type", "min", "max", "words"}, ...].
+// Returns the table for clients: [{"key", "meaning", "type", "min", "max", "words"}, ...].
 Json running_keys_json();
 
 }  // namespace imud

@@ -12,12 +12,13 @@
 
 namespace imud {
 
-// Bounded: a client that reads too slowly loses points first, then events. It is closed if it does not read its
-// answers. Losses are counted.
+// Bounded: a client that reads too slowly loses points first, then events. The connection of a client that does
+// not read its answers is closed. Losses are counted.
 class SendQueue {
  public:
   using Text = std::shared_ptr<const std::string>;
-  // Bytes that wait, beyond which points are lost, then events, and the client is closed.
+  // Limits of the waiting bytes: beyond the first, points are lost; beyond the second, events are lost, too;
+  // beyond the third, the client is closed.
   static constexpr std::size_t most_for_points = 128 * 1024, most_for_events = 512 * 1024, most = 1024 * 1024;
 
   // `counters` outlives this.

@@ -18,7 +18,7 @@ std::vector<std::string> socket_folders();
 // Returns "FOLDER/imud-NAME.sock".
 std::string socket_path(const std::string& folder, const std::string& name);
 
-// A listening UNIX socket that its user alone can open, removed at the end.
+// A listening UNIX socket that only its user can open. The destructor removes the socket.
 class ControlSocketFile {
  public:
   // Makes the socket. Replaces a socket to which no process listens any more. Throws OpenError: a process listens,
@@ -35,7 +35,7 @@ class ControlSocketFile {
   ~ControlSocketFile();
 
   const std::string& path() const noexcept { return path_; }
-  // Gives the descriptor away.
+  // Returns the descriptor, which the caller owns from then on.
   int release() noexcept;
 
  private:
@@ -56,11 +56,12 @@ struct Instance {
 // sockets of another user, whose processes may run or not.
 struct Instances {
   std::vector<Instance> running, killed, foreign;
-  // Returns the running one that is meant by `name`, of several the one in the first folder; by no name the only one.
+  // Returns the running instance called `name`; of several, the instance in the first folder. With an empty
+  // `name`, returns the only running instance. Returns nullptr if there is no such instance.
   const Instance* running_by_name(const std::string& name) const;
 };
 Instances find_instances();
-// Returns words for people: why no running instance is meant by `name`, or, if that is empty, by no name.
+// Returns the message for people that explains why running_by_name() has found no instance.
 std::string none_text(const Instances& found, const std::string& name);
 
 }  // namespace imud

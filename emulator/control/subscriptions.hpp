@@ -30,7 +30,7 @@ class Subscriptions {
  public:
   static constexpr std::size_t most = 1000;  // subscriptions together
 
-  // All outlive this.
+  // All arguments must outlive this.
   Subscriptions(const Config& config, RunControl& control, const Monitor& monitor)
       : config_(config), control_(control), monitor_(monitor) {}
 
@@ -40,7 +40,7 @@ class Subscriptions {
 
   // Sends an event to the subscribers to events.
   void send_event(const Json& event);
-  // Sends the samples of the feed, and each second the figures since the last ones.
+  // Sends the samples of the feed, and once a second the figures of the time since they were sent last.
   void distribute(HostTime now);
   // Removes the subscriptions whose clients have gone. Returns true if somebody subscribes to samples, truth or
   // counters, so that distribute() must be called often.
@@ -52,7 +52,7 @@ class Subscriptions {
     std::weak_ptr<Subscriber> client;
     What what = What::samples;
     std::uint16_t imu = 0;    // of samples and truth
-    std::uint32_t every = 1;  // of samples and truth: of so many samples one is sent
+    std::uint32_t every = 1;  // of samples and truth: one of so many samples is sent
   };
   static What what_of(const std::string& word);
   void watch();
