@@ -23,7 +23,7 @@ namespace imud {
 // the same instant; NaN if none came.
 class SeedArrays {
  public:
-  // The values of a row that is not known.
+  // Returns a row without values.
   static MeasurementRow no_row() noexcept { return MeasurementRow(Measurement{}); }
 
   // `path`: has `{imu}` for an imu's name if there are several. Throws PortError if it has not, OpenError if a file
@@ -42,7 +42,7 @@ class SeedArrays {
 
   // Returns true if the run of that seed is in all arrays already.
   bool is_done(std::uint64_t seed_index) const noexcept;
-  // The array of that imu has the run of that seed.
+  // Records that the array of that imu has the run of that seed.
   void mark(std::size_t imu, std::uint64_t seed_index) noexcept { imus_[imu].measured->mark(seed_index); }
   // Ends the arrays, which replace the old ones. Throws std::runtime_error.
   void commit();
@@ -51,7 +51,7 @@ class SeedArrays {
 
   // Returns true if the truth of an imu depends on the seed.
   bool varies(std::size_t imu) const noexcept { return imus_[imu].varies; }
-  // Returns true if its instants do, because its clock wanders at random.
+  // Returns true if the instants of an imu's samples depend on the seed, because its clock wanders at random.
   bool wanders(std::size_t imu) const noexcept { return imus_[imu].wanders; }
   // Collects the measurements of one run and one imu. Called after the fork.
   class Rows {

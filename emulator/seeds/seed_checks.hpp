@@ -9,7 +9,7 @@
 
 namespace imud {
 
-// It stands for the seed in the imus' ports.
+// The placeholder of the seed in the imus' ports.
 inline constexpr std::string_view seed_placeholder = "{seed}";
 
 // Throws PortError if two runs would write to one port, or a port is no file. `repeats`: the runs repeat a record.

@@ -20,18 +20,19 @@ int worse_exit_code(int a, int b) noexcept;
 // The summaries by seed. Summaries of a seed's imus that ran apart are merged.
 class SeedResults {
  public:
-  // `keeps`: by_seed() is wanted. `parts`: parts of each run, which run apart. A fault of `faults`, which must
-  // outlive this, is a shortfall of the run if it has begun in no part. A single part's summary has the shortfalls.
+  // `keeps`: the summaries are kept for by_seed(). `parts`: the number of parts of each run, which run separately.
+  // A fault of `faults` is a shortfall of the run if the fault has begun in no part. If each run has a single
+  // part, the summary of this part has these shortfalls already. `faults` must outlive this.
   explicit SeedResults(bool keeps, std::size_t parts = 1, std::span<const FaultConfig> faults = {})
       : keeps_(keeps), parts_(parts), faults_(faults) {}
 
   // `text`: a JSON array of the summaries of runs. Logs the shortfalls of the first seeds, and the remarks of the
-  // first run. Returns false if a signal has ended one of them.
+  // first run. Returns false if a signal has ended one of the runs.
   bool add(const std::string& text);
 
   int exit_code() const noexcept { return exit_code_; }
   std::uint64_t samples() const noexcept { return samples_; }
-  // The labels of all runs, if the summaries have them: by seed, and by part of a run.
+  // Returns the labels of all runs, if the summaries have labels, sorted by seed and by part of a run.
   std::string labels(bool as_json) const;
   const std::map<std::uint64_t, nlohmann::ordered_json>& by_seed() const noexcept { return by_seed_; }
 

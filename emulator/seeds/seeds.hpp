@@ -25,17 +25,17 @@ struct SeedsOptions {
   bool quiet = false;              // no progress
 };
 
-// Replays the capture of `config`, whose clock is `fast`, once for each seed. A run with a seed has the same bytes as
-// run() with that seed. In the imus' ports `{seed}` stands for the seed, with leading zeros up to the length of the
-// last seed. With `npy` no port of an imu is opened. With fewer seeds than processes, each imu has processes of its
-// own. Exceptions are a requirement, and a capture with truths out of order, which imus insert according to one
-// another's samples.
+// Replays the capture of `config`, whose clock is `fast`, once for each seed. A run with a seed has the same bytes
+// as run() with that seed. In the imus' ports `{seed}` stands for the seed, with leading zeros up to the length of
+// the last seed. With `npy` no port of an imu is opened. With fewer seeds than processes, each imu has processes
+// of its own. There are two exceptions: runs with a requirement; and captures with truths out of order, because
+// the insertion of such truths depends on the samples of all imus.
 //
 // With `npy`, FILE is a structured array of (seeds, measurements) in the form of imu-decode: each imu's messages,
 // decoded. FILE with `_truth` before its suffix is an array of (measurements), with the truth at their samples.
 //
-// Prints a summary, and the progress on standard error; writes RunOptions::summary_file with a list by seed. Returns
-// the worst exit code of a run. Throws as run() does, and PortError if the ports do not suit seeds.
+// Prints a summary, and the progress on standard error; writes RunOptions::summary_file with a list by seed.
+// Returns the worst exit code of a run. Throws as run() does, and PortError if the ports do not suit seeds.
 int replay_seeds(const Config& config, const RunOptions& options, const SeedsOptions& seeds);
 
 }  // namespace imud

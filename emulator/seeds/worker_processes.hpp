@@ -17,7 +17,7 @@ struct WorkerProcesses {
   std::function<void(std::size_t item, std::string text)> take;
   // Called about five times a second in the calling process.
   std::function<void()> tick = [] {};
-  // If it returns true, the remaining items are not needed: no further one begins. Asked after each tick.
+  // If it returns true, the remaining items are not needed, and no further item begins. Asked after each tick.
   std::function<bool()> is_enough = [] { return false; };
   // If set, the death of a worker costs its open item alone, which another worker does again. An item at which two
   // workers have died is lost: this is called with the cause. Then `take` may receive an item twice, or an item that

@@ -13,7 +13,7 @@ class RunCommands {
  public:
   // Adds the commands to the command line, which outlives this.
   explicit RunCommands(CLI::App& app);
-  // Executes the command that was given, and returns its exit code; nullopt: another one was given.
+  // Executes the command that was given, and returns its exit code; nullopt if it is none of these commands.
   std::optional<int> execute() const;
 
  private:

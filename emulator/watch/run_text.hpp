@@ -13,8 +13,8 @@ namespace imud {
 std::vector<std::string> table_lines(const std::vector<std::vector<std::string>>& rows,
                                      const std::vector<std::size_t>& left);
 
-// Returns the text with ? in place of what a terminal executes: control characters but the end of a line, in UTF-8
-// too.
+// Returns the text with ? in place of each control character, also one encoded in UTF-8, because a terminal would
+// execute it. Line feeds are kept.
 std::string printable(std::string text);
 
 // Returns "0:03:05" for 185 s, "2 d 0:03:05" for two days more.

@@ -10,9 +10,9 @@ struct StatusOptions {
   bool json = false;  // print JSON
 };
 
-// Prints the runs of this user, and runs of the service, which another user may own.
-// Takes some seconds at most, whatever state they are in. Returns 0; 1 if none runs, the named one does not, or one
-// does not answer.
+// Prints the runs of this user, and runs of the service, which another user may own. Takes some seconds at most,
+// whatever state the runs are in. Returns 0; 1 if there is no run, no run of that name, or a run that does not
+// answer.
 int show_status(const StatusOptions& options);
 
 }  // namespace imud

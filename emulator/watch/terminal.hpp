@@ -7,8 +7,8 @@
 
 namespace imud {
 
-// ncurses is loaded when the first one is made, so that no other start of imud has to load it. One at a time; one
-// thread.
+// ncurses is loaded when the first Terminal is made, so that other commands of imud do not load ncurses. Only one
+// Terminal may exist at a time. Used by one thread.
 class Terminal {
  public:
   // Keys beside the bytes that are typed.
@@ -22,11 +22,12 @@ class Terminal {
   Terminal(const Terminal&) = delete;
   Terminal& operator=(const Terminal&) = delete;
 
-  // Shows the lines from the first row on, and `bottom`, emphasised, in the last row. What has no room is left out.
+  // Shows the lines from the first row on, and `bottom`, emphasised, in the last row. Text that does not fit is
+  // omitted.
   void show(const std::vector<std::string>& lines, const std::string& bottom);
-  // Returns the next byte or key; none: nothing waits.
+  // Returns the next byte or Key; Key::none if there is no input.
   int read_key();
-  // Takes the size that the terminal has now.
+  // Adapts the screen to the terminal's present size.
   void resize();
 
  private:

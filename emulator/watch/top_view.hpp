@@ -24,7 +24,7 @@ class TopView {
   // Returns true after the key q.
   bool quits() const noexcept { return quits_; }
 
-  // Returns the rows from the top, and the text of the last one.
+  // Return the rows from the top, and the text of the last row.
   std::vector<std::string> lines(HostTime now) const;
   std::string bottom() const;
 

@@ -23,7 +23,7 @@ std::string_view media_type(MetricsFormat format) noexcept;
 // https://prometheus.io/docs/instrumenting/exposition_formats). `imud_truth_received_total`,
 // `imud_imu_samples_total{imu="imu1"}`, `imud_imu_lateness_seconds_bucket{imu="imu1",le="1e-05"}`: the key of the
 // JSON is in the name, but units are SI. A counter that may fall is a gauge. The limits of buckets are exact
-// within 0.8 %, sums entirely.
+// within 0.8 %; sums are exact.
 std::string metrics(const Summary& summary, MetricsFormat format);
 
 }  // namespace imud

@@ -10,10 +10,10 @@
 
 namespace imud {
 
-// Serves the files, and the text that `status` returns as JSON at /status, until SIGINT or SIGTERM. `web` is from the
-// options --web and --token-file. `shown`: what the page shows, for the line with its address, which is printed.
-// Throws OpenError if the address is wrong, or other machines reach it without a token, or the token cannot be read;
-// PortError if the address cannot be used.
+// Serves the files, and the text that `status` returns as JSON at /status, until SIGINT or SIGTERM. `web` is from
+// the options --web and --token-file. Prints a line with the address of the page and `shown`, the words for the
+// page's content. Throws OpenError if the address is wrong, or other machines reach it without a token, or the
+// token cannot be read; PortError if the address cannot be used.
 void serve_status(const WebConfig& web, std::span<const PageFile> files, const std::function<std::string()>& status,
                   const std::string& shown);
 

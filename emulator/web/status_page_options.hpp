@@ -11,7 +11,8 @@ struct StatusPageOptions {
   bool json = false;
   WebConfig web;
 
-  // Adds the options to a command, which outlives this; this stays where it is.
+  // Adds the options to a command, which must outlive this object. This object must not be moved or copied
+  // afterwards.
   void add_to(CLI::App& command) {
     CLI::Option* as_json = command.add_flag("--json", json, "As JSON");
     page_ = command.add_option("--web", web.listen, "Show it on a page at this address until SIGINT")

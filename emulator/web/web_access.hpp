@@ -8,21 +8,22 @@
 
 namespace imud {
 
-// Returns true if no page of another site can have made a browser send this value of Host: an address, `localhost`,
-// or the name of this machine. Any other name may be given any address at any time (DNS rebinding), so that the
-// browser takes imud for that site. The port may be another one, because ports can be forwarded.
+// Returns true if no page of another site can have made a browser send this value of Host: an address,
+// `localhost`, or the name of this machine. The owner of any other name can make the name lead to this machine
+// (DNS rebinding); the browser would then take imud for that owner's site. The port is not compared, because ports
+// can be forwarded.
 bool is_own_host(std::string_view host, std::string_view machine);
 
 // Returns true if the request comes from a page that was loaded from `host`, or from a program that is no browser and
 // sends no Origin.
 bool is_own_origin(std::string_view origin, std::string_view host);
 
-// The token in the header Authorization: as `Bearer TOKEN`, or as `Basic`, which browsers ask for, as the password of
-// the user `imud`.
+// Checks the token in the header Authorization: `Bearer TOKEN`, or `Basic` with the user `imud` and the token as
+// the password, for which browsers ask.
 class WebToken {
  public:
   explicit WebToken(const std::string& secret);
-  // Takes a time that does not depend on how much of the token is right.
+  // Returns true if the header has the token. The duration does not depend on how much of the token is right.
   bool is_in(std::string_view authorization) const noexcept;
 
  private:

@@ -20,13 +20,14 @@ namespace imud {
 // table.
 class WebServer {
  public:
-  // For a further one the longest idle connection is closed; if none is idle, the further one is closed at once.
+  // To make room for a further connection, the connection that has been idle longest is closed. If no connection
+  // is idle, the further connection is closed at once.
   static constexpr std::size_t max_connections = 32;
   static constexpr std::size_t max_header_bytes = 8192, max_request_bytes = 65536;
   static constexpr int idle_s = 30;  // a connection without a request is closed
 
-  // Listens; connections wait until serve() is called. `key`: the name of the address for the user. Throws PortError
-  // if the address cannot be used, OpenError if the token cannot be read.
+  // Listens; connections wait until serve() is called. `key`: the configuration key or option of the address, for
+  // messages to the user. Throws PortError if the address cannot be used, OpenError if the token cannot be read.
   WebServer(boost::asio::io_context& io, const WebConfig& config, const std::string& key = "web.listen");
   ~WebServer();
   WebServer(const WebServer&) = delete;
@@ -38,8 +39,8 @@ class WebServer {
   std::size_t connections() const noexcept;
   // Begins to answer. `counters` must outlive the handlers of the io_context.
   void serve(WebSite site, ControlCounters& counters);
-  // The same with the page of a run. `metrics` returns the text of /metrics in the given format, which the request's
-  // Accept field selects.
+  // Begins to answer with the page of a run. `metrics` returns the text of /metrics in the given format, which the
+  // request's Accept field selects.
   void serve(WebApi api, std::function<std::string(MetricsFormat)> metrics, ControlCounters& counters);
 
  private:

@@ -1,4 +1,4 @@
-// WebSite: what a web server answers with.
+// WebSite: the documents that a web server answers with.
 #pragma once
 
 #include <functional>
@@ -20,8 +20,8 @@ struct WebDocument {
 
 struct WebSite {
   std::span<const PageFile> files;
-  // Returns the document at a path; nullopt if there is none. `accept`: the Accept field of the request. The text of
-  // an exception that it throws is the answer, with status 500.
+  // Returns the document at a path; nullopt if there is none. `accept`: the Accept field of the request. If the
+  // function throws, the exception's text is the answer, with status 500.
   std::function<std::optional<WebDocument>(std::string_view path, std::string_view accept)> document;
   WebApi api;           // empty: there is no /api
   std::string summary;  // for a request of another path: "there is /, /metrics and /api"

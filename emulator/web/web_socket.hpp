@@ -16,11 +16,11 @@
 
 namespace imud {
 
-// Lives until its connection ends. `guard` is destroyed with it.
+// A WebSocket exists until its connection ends, and holds `guard` until then.
 class WebSocket : public Subscriber, public std::enable_shared_from_this<WebSocket> {
  public:
   using Request = boost::beast::http::request<boost::beast::http::string_body>;
-  static constexpr std::size_t max_calls = 64;  // without an answer; a further one ends the connection
+  static constexpr std::size_t max_calls = 64;  // requests without an answer; a further request ends the connection
 
   // `counters` outlives this.
   WebSocket(boost::beast::tcp_stream stream, std::shared_ptr<void> guard, ControlCounters& counters);
@@ -41,7 +41,7 @@ class WebSocket : public Subscriber, public std::enable_shared_from_this<WebSock
   const WebApi* api_ = nullptr;  // nullptr: the connection is closed
   boost::beast::flat_buffer buffer_;
   std::size_t calls_ = 0;  // without an answer
-  SendQueue queue_;        // the first is being written
+  SendQueue queue_;        // the first text is being written
   ControlCounters& counters_;
   bool is_open_ = false, is_writing_ = false;
 };
