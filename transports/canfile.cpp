@@ -112,8 +112,8 @@ class LogPort final : public Port {
     return std::nullopt;
   }
 
-  // Returns the next line, valid until the next call; nullopt if no whole one is there. The last line needs no line
-  // feed. A line that is longer than the buffer is cut into several.
+  // Returns the next line, valid until the next call; nullopt if no whole line is available. The last line needs
+  // no line feed. A line that is longer than the buffer is cut into several.
   std::optional<std::string_view> next_line() noexcept {
     while (true) {
       const std::string_view text(text_.data() + begin_, end_ - begin_);
@@ -151,7 +151,7 @@ class LogPort final : public Port {
   FileInput file_;
   CanLogReader log_;
   std::vector<char> text_ = std::vector<char>(64 * 1024);
-  std::size_t begin_ = 0, end_ = 0;  // what was read and not parsed
+  std::size_t begin_ = 0, end_ = 0;  // bytes that were read, but not parsed yet
   std::size_t scanned_ = 0;          // of it, bytes without a line feed
   std::uint64_t line_number_ = 0, malformed_ = 0, first_malformed_ = 0;
   std::array<char, 200> warning_;

@@ -67,7 +67,7 @@ std::size_t encode(const canfd_frame& frame, bool fd, Datagram& out) noexcept {
   return size;
 }
 
-// Returns false if the datagram is no frame.
+// Returns false if the datagram contains no valid frame.
 bool decode(std::span<const std::uint8_t> datagram, canfd_frame& frame, bool& fd) noexcept {
   if (datagram.size() < header_size || datagram.size() > longest || get(&datagram[0], 2) != magic ||
       get(&datagram[2], 2) != crc16(datagram.subspan(4)))

@@ -15,7 +15,7 @@ namespace {
 
 bool is_standard_output(const PortSpec& spec) { return imud::is_standard_output(spec.address); }
 
-// Returns a remark on a log that begins with these bytes, and is no truth; empty if it is none.
+// Returns a remark if these bytes begin a log that is no truth; otherwise an empty text.
 std::string_view log_of(std::span<const std::byte> begin) noexcept {
   constexpr std::pair<std::string_view, std::string_view> logs[] = {
       {"ULog\x01\x12\x35",

@@ -208,7 +208,7 @@ class PcapPort final : public Port {
   }
 
   void describe_content() noexcept {
-    // Without a port, all datagrams are received, and no stream.
+    // Without a port, all datagrams and no streams are received.
     if ((port_ == 0 && others_[0].packets == 0) || counters_.received + counters_.foreign + counters_.truncated != 0)
       return;
     const auto append = [this](auto format, const auto&... values) {
@@ -259,7 +259,7 @@ class PcapPort final : public Port {
   std::unique_ptr<pcap_t, Close> capture_;      // closed before the file that it reads
   int link_type_ = 0;
   TcpStream stream_;
-  bool had_stream_ = false;         // the capture has had one, so that the next is another
+  bool had_stream_ = false;         // the capture has had a stream, so that the next one is a new stream
   HostTime stamp_;                  // of the last record
   std::optional<int> records_end_;  // the result of libpcap after the last record
   double size_ = 0;                 // bytes of the file

@@ -31,8 +31,8 @@ constexpr PortOption speed_option = {
     .choices = "line any",
     .device_only = true};
 
-// imud's end as the sensor. The other end is a client that opens and closes it at will. If the link has a keeper, the
-// pty is the keeper's: speed and settings are as the client has left them.
+// imud's end of the pty, as the sensor. A client opens and closes the other end at will. If the link has a keeper,
+// the keeper owns the pty, and speed and settings stay as the client has left them.
 class PtyDevice final : public Port {
  public:
   PtyDevice(const PortSpec& spec, const PortSettings& settings)
@@ -52,7 +52,7 @@ class PtyDevice final : public Port {
     if (kept_) resume();
   }
 
-  // Paced: drops frames that would have to wait for the line for too long.
+  // A paced port drops frames that would have to wait too long for the line.
   void send(std::span<const Frame> frames) noexcept override {
     constexpr Nanoseconds sample_wait = std::chrono::milliseconds(100), reply_wait = std::chrono::milliseconds(500);
     if (!has_reader()) {
@@ -94,7 +94,7 @@ class PtyDevice final : public Port {
     if (line.baud != 0) line_ = line;
   }
 
-  // A keeper has the master, too, so that its client is not hung up.
+  // The keeper has a copy of the master, so that its client is not hung up.
   void set_connected(bool connected) noexcept override {
     if (kept_ || connected == is_connected_) return;
     is_connected_ = connected;
@@ -127,8 +127,9 @@ class PtyDevice final : public Port {
     }
     if (counters_.sent == 0) return true;
     const FileDescriptor slave = pty_.open_slave();
-    // poll(), unlike FIONREAD, also finds bytes that are still on their way from the master; but not those for which
-    // there was no room, until the read() that has made room ends, and its reader may have to wait for a processor.
+    // poll(), unlike FIONREAD, also finds bytes that are still on their way from the master. It does not find
+    // bytes for which there was no room until the client's read() that makes room has ended; this may take a
+    // while, because the client may have to wait for a processor.
     constexpr auto read_takes = std::chrono::milliseconds(40);
     pollfd unread{slave.get(), POLLIN, 0};
     if (!empty_since_ || ::poll(&unread, 1, 0) > 0) empty_since_ = now;
@@ -142,8 +143,9 @@ class PtyDevice final : public Port {
   // Returns true if a client has the pty open, as last seen.
   bool is_open() const noexcept { return state_ != PortState::no_reader && state_ != PortState::lost; }
 
-  // Sets the line's speed, unless a client of a kept pty has set one: one that no earlier device has, or by a
-  // constant of termios, which set_line_speed() does not use. Returns false, with errno, on failure.
+  // Sets the line's speed, unless a client of a kept pty has set a speed. A client has set the speed if it differs
+  // from the speed of the earlier device, or if it was set by a constant of termios, which set_line_speed() does
+  // not use. Returns false, with errno, on failure.
   bool set_first_speed() noexcept {
     constexpr unsigned of_new_pty = 38400;  // tty_std_termios in Linux' tty_io.c
     const auto speed = line_speed(pty_.master());
@@ -155,7 +157,8 @@ class PtyDevice final : public Port {
     return true;
   }
 
-  // The keeper has ended: its client is served on, until there is another keeper, whose pty has the link then.
+  // Called after the keeper has ended. Serves the client of the old pty until there is another keeper; then the
+  // link leads to the pty of that keeper.
   void follow_keeper() noexcept {
     std::optional<KeptPty> next = next_keeper_->take();
     if (!next || !pty_.replace(std::move(next->master))) return;
@@ -166,7 +169,7 @@ class PtyDevice final : public Port {
     state_ = PortState::no_reader;
   }
 
-  // Discards what was on its way between imud and a client that no longer has the pty.
+  // Discards the bytes on their way between imud and a client that no longer has the pty.
   void lose_client() noexcept {
     ++counters_.lost_count;
     writer_.discard(counters_);
@@ -227,7 +230,7 @@ class PtyDevice final : public Port {
                : PortState::ready;
   }
 
-  // Returns true if a client's speed can be wrong: then it is asked for each frame.
+  // Returns true if the client's speed can be wrong; then the speed is checked for each frame.
   bool has_wrong_speeds() const noexcept { return !any_speed_ && line_now().baud != 0; }
 
   // Queued characters are sent with the settings that applied when they were queued.
@@ -262,13 +265,13 @@ class PtyDevice final : public Port {
     }
   }
 
-  // Returns the client's input at its own speed. `last`: the line is idle afterwards.
+  // Returns the bytes that the client receives at its own speed. `last`: the line is idle afterwards.
   std::span<const std::byte> as_client_receives(std::span<const std::byte> bytes, bool last) noexcept {
     to_client_.set(line_now(), speeds_.client);
     return through(to_client_, bytes, last, garbage_);
   }
 
-  // Returns the device's input at the line's speed.
+  // Returns the bytes that the device receives at the line's speed.
   std::span<const std::byte> as_device_receives(std::span<const std::byte> bytes) noexcept {
     if (state_with_reader() != PortState::wrong_speed) return bytes;
     UartSettings client = line_now();

@@ -160,7 +160,7 @@ class SerialPort final : public Port {
       if (const auto rate = standard_rate(uart.baud)) libserial->SetBaudRate(*rate);
       if (::tcgetattr(libserial->GetFileDescriptor(), &configured_) != 0)
         throw std::runtime_error(std::strerror(errno));
-      // A second descriptor keeps DTR up while LibSerial closes its own.
+      // A second descriptor keeps DTR up while LibSerial closes its own descriptor.
       line_.reset(::fcntl(libserial->GetFileDescriptor(), F_DUPFD_CLOEXEC, 0));
       libserial->Close();
     } catch (...) {

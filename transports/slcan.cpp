@@ -1,5 +1,5 @@
 // A CAN adapter on a serial line that speaks the text of LAWICEL (CAN232 manual, CANUSB), and the frames of CAN FD
-// that the firmware of CANable 2.0 adds. The driver slcan of Linux sends the same; this needs no driver.
+// that the firmware of CANable 2.0 adds. The driver slcan of Linux sends the same text; this port needs no driver.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -22,7 +22,7 @@ extern const Transport serial_transport;
 
 namespace {
 
-// The bit rates that adapters have a command for. The S7 of some is 750 kbit/s.
+// The bit rates for which adapters have a command. On some adapters S7 is 750 kbit/s.
 constexpr PortOption adapter_bitrate_option = {
     .key = "bitrate",
     .help = "bit rate of the bus, bit/s; without it the adapter keeps its own",
@@ -34,7 +34,8 @@ constexpr PortOption adapter_data_bitrate_option = {.key = "data_bitrate",
 constexpr std::string_view data_bitrate_commands[] = {"Y1", "Y2", "Y3", "Y4", "Y5"};
 constexpr PortOption slcan_options[] = {baud_option, adapter_bitrate_option, adapter_data_bitrate_option};
 
-// Returns the command for the option's bit rate, which is one of its choices; empty if it is absent.
+// Returns the command for the option's bit rate, which is one of the option's choices; empty if the option is
+// absent.
 std::string command(const PortSpec& spec, const PortOption& option, std::span<const std::string_view> commands) {
   const auto wanted = spec.text(option.key);
   if (!wanted) return {};
@@ -58,8 +59,8 @@ std::unique_ptr<Port> open_line(const PortSpec& spec, const PortSettings& settin
   return serial_transport.open(line, settings.role);
 }
 
-// The serial line has the device, its loss and its return. All frames of one send() are one frame of the line, so
-// that they leave whole or not at all.
+// The serial line handles the device, its loss and its return. All frames of one send() are one frame of the line,
+// so that they leave whole or not at all.
 class SlcanPort final : public Port {
  public:
   SlcanPort(const PortSpec& spec, const PortSettings& settings)
@@ -160,7 +161,7 @@ class SlcanPort final : public Port {
     return is_open_ && state_ != PortState::lost;
   }
 
-  // Passes the text of `frames` frames to the line. Returns false if it was dropped.
+  // Passes the text of `frames` frames to the line. Returns false if the text was dropped.
   bool pass(std::string_view text, std::size_t frames) noexcept {
     const PortCounters before = line_->counters();
     const Frame frame{std::as_bytes(std::span(text))};
@@ -168,8 +169,8 @@ class SlcanPort final : public Port {
     return account(before, true, frames);
   }
 
-  // Counts what has become of the text that the line has kept in part, and, if `passed`, of the text of `frames`
-  // frames that it was given after it. Returns false if that was dropped.
+  // Counts the frames of the text that the line has kept in part as sent or dropped, and, if `passed`, also the
+  // `frames` frames whose text was passed to the line afterwards. Returns false if the latter text was dropped.
   bool account(const PortCounters& before, bool passed, std::size_t frames) noexcept {
     std::uint64_t sent = line_->counters().sent - before.sent, dropped = line_->counters().dropped - before.dropped;
     if (is_kept_ && (sent > 0 || dropped > (passed ? 1U : 0U))) {

@@ -18,7 +18,7 @@ void check(const PortSpec& spec, const PortSettings&) {
 std::unique_ptr<Port> open(const PortSpec& spec, const PortSettings& settings) {
   const SocketAddress address = SocketAddress::ip(spec);
   FileDescriptor socket(::socket(address.family(), SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
-  // Connections that have ended would keep the port for a minute.
+  // Without this option, ended connections would keep the port in use for a minute.
   const int reuse = 1;
   ::setsockopt(socket.get(), SOL_SOCKET, SO_REUSEADDR, &reuse, sizeof reuse);
   constexpr int waiting = 8;

@@ -138,7 +138,7 @@ class UdpPort final : public Port {
       request.imr_multiaddr = reinterpret_cast<const sockaddr_in&>(group.storage).sin_addr;
       request.imr_ifindex = interface;
       joined = set_option(IPPROTO_IP, IP_ADD_MEMBERSHIP, request);
-      set_option(IPPROTO_IP, IP_MULTICAST_ALL, 0);  // not what other processes have joined on other interfaces
+      set_option(IPPROTO_IP, IP_MULTICAST_ALL, 0);  // no groups joined by other processes
     } else {
       ipv6_mreq request{};
       request.ipv6mr_multiaddr = reinterpret_cast<const sockaddr_in6&>(group.storage).sin6_addr;
@@ -203,7 +203,7 @@ bool is_loopback(const SocketAddress& peer) {
   return ntohl(reinterpret_cast<const sockaddr_in&>(peer.storage).sin_addr.s_addr) >> 24U == IN_LOOPBACKNET;
 }
 
-// Returns true if the address is one of this machine.
+// Returns true if the address belongs to this machine.
 bool is_local(const SocketAddress& peer) {
   ifaddrs* all = nullptr;
   if (is_loopback(peer) || ::getifaddrs(&all) != 0) return is_loopback(peer);

@@ -37,8 +37,9 @@ bool is_socket(const std::string& path) noexcept {
   return ::lstat(path.c_str(), &status) == 0 && S_ISSOCK(status.st_mode);
 }
 
-// Gives the socket at `fresh`, which listens already, the name `path`. Replaces a socket there whose process has
-// ended. Returns 0, or the errno; EADDRINUSE: another process serves the socket there; EEXIST: another file is there.
+// Renames the socket at `fresh`, which listens already, to `path`. Replaces a socket at `path` whose process has
+// ended. Returns 0, or the errno; EADDRINUSE: another process serves the socket there; EEXIST: another file is
+// there.
 int name_socket(const PortSpec& spec, const std::string& fresh, const std::string& path) {
   const std::string aside = fresh + "-";
   for (int attempt = 0; attempt < 3; ++attempt) {
@@ -46,8 +47,8 @@ int name_socket(const PortSpec& spec, const std::string& fresh, const std::strin
     if (errno != EEXIST) return errno;
     if (!is_socket(path)) return EEXIST;
     if (is_served(SocketAddress::unix_path(spec))) return EADDRINUSE;
-    // Another process may do the same now. The process that moves the old socket away removes it. If it has moved the
-    // other's new socket instead, it puts it back.
+    // Another process may do the same now. The process that moves the old socket away also removes that socket. A
+    // process that has moved the new socket of the other process instead puts the new socket back.
     if (::rename(path.c_str(), aside.c_str()) != 0) continue;
     if (is_served(address_of(spec, aside))) return ::rename(aside.c_str(), path.c_str()) == 0 ? EADDRINUSE : errno;
     ::unlink(aside.c_str());

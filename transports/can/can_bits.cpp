@@ -21,17 +21,17 @@ int fd_crc(std::size_t bytes) noexcept {
 // Bits from start of frame to the bit before the data length code (classic), or to the bit rate switch (FD).
 int arbitration(const CanHeader& header) noexcept { return (header.fd ? 17 : 15) + (header.extended ? 20 : 0); }
 
-// Bits after it up to the end of the data. A remote frame has a data length code, and no data.
+// Bits after it up to the end of the data. A remote frame has a data length code, but no data.
 int control_and_data(const CanHeader& header, std::size_t bytes) noexcept {
   return (header.fd ? 5 : 4) + (header.remote ? 0 : 8 * static_cast<int>(bytes));
 }
 
-// A sender inserts a bit after five equal ones, and counts it as the first of the next. This is the expected number
-// of such bits in a sequence of which some bits are random.
+// A sender inserts a stuff bit after five equal bits, and counts it as the first bit of the next sequence.
+// Computes the expected number of stuff bits in a sequence of bits, some of which are random.
 class Stuffing {
  public:
   double expected() const noexcept { return expected_; }
-  // Adds the CRC of a classic frame, of whose bits none was random.
+  // Adds the CRC of a classic frame. Requires that no bit added before was random.
   void add_crc() noexcept { add(crc_, classic_crc); }
 
   void add(bool bit) noexcept {

@@ -26,7 +26,7 @@ bool read_number(std::string_view text, Number& number, int base) noexcept {
   return error == std::errc() && end == text.data() + text.size();
 }
 
-// Reads "seconds.fraction"; digits below a nanosecond are ignored.
+// Parses "seconds.fraction"; digits below a nanosecond are ignored.
 bool read_time(std::string_view text, Nanoseconds& time) noexcept {
   constexpr std::uint64_t most_seconds = 9'000'000'000;
   constexpr std::size_t digits = 9;

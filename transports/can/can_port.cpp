@@ -14,8 +14,9 @@
 namespace imud {
 namespace {
 
-// Returns the highest rate at which frames leave to a virtual interface if none may be lost, frames/s; nullopt:
-// unlimited. The default without a bit rate is 5000: then a receiver's default buffer of 277 frames lasts for 55 ms.
+// Returns the highest rate at which frames may leave to a virtual interface without loss, frames/s; nullopt:
+// unlimited. The default without a bit rate is 5000: then a receiver's default buffer of 277 frames lasts for 55
+// ms.
 std::optional<double> max_frames_per_s(const PortSpec& spec) {
   if (spec.text(frames_per_s_option.key) == frames_per_s_option.choices) return std::nullopt;
   return static_cast<double>(
@@ -55,7 +56,7 @@ void CanPort::send(std::span<const Frame> frames) noexcept {
   CanQueue::Queued queued{};
   queued.first = true;
   queued.is_reply = is_reply_;
-  // Where nothing is dropped or paced, a bus that takes frames needs no clock.
+  // If no frame is dropped or paced, the time is needed only when the bus takes no frames.
   const bool is_timed = delivery_ == Delivery::timely || max_frames_per_s_.has_value() || !queue_.is_empty();
   queued.since = is_timed ? host_now() : HostTime{};
   for (const Frame& frame : frames) {
@@ -66,13 +67,14 @@ void CanPort::send(std::span<const Frame> frames) noexcept {
     queue_.push(queued);
     queued.first = false;
   }
-  // At this time, not later: then no sample is stale at its first attempt, however long this thread is held up.
+  // The time is the time of queuing, not a later one: then no sample is stale at its first attempt, however long
+  // this thread is held up.
   send_ready(queued.since);
 }
 
 std::optional<Port::Received> CanPort::receive() noexcept {
   if (!link_->is_bound() && !rebind()) return std::nullopt;
-  // The first failure may only report that the interface went down.
+  // The first error may only report that the interface went down.
   constexpr int most_malformed = 256;  // in one call, so that the caller can do other work
   for (int failures = 0, malformed = 0; failures < 2 && malformed < most_malformed && link_->is_bound();) {
     CanLink::Received received;
@@ -148,7 +150,7 @@ void CanPort::send_ready(HostTime now) noexcept {
 void CanPort::lose(int error) noexcept {
   if (state_ != PortState::lost) ++counters_.lost_count;
   state_ = PortState::lost;
-  bus_state_ = PortState::ready;  // which a controller is when it starts again
+  bus_state_ = PortState::ready;  // the state of a controller that starts again
   counters_.dropped += queue_.clear();
   if (error != ENODEV && error != ENXIO) return;  // the interface is down, and the socket still bound
   link_->unbind();

@@ -26,8 +26,8 @@ can_filter kernel_filter(const CanFilter& filter) noexcept {
   return out;
 }
 
-// Returns the arrival time of a kernel's stamp, which is of CLOCK_REALTIME. A stamp in the future or older than a
-// second means that this clock was stepped: then the arrival is now.
+// Converts a kernel's time stamp of CLOCK_REALTIME to the time of arrival. If the stamp is in the future or older
+// than a second, CLOCK_REALTIME was stepped, and the present time is returned.
 HostTime arrival(const timespec& stamp) noexcept {
   constexpr Nanoseconds oldest = std::chrono::seconds(1);
   timespec now{};

@@ -13,8 +13,8 @@ constexpr std::uint32_t standard_ids = 0x7FF, extended_ids = 0x1FFF'FFFF;
 constexpr std::size_t classic_bytes = 8, fd_bytes = 64;
 constexpr std::string_view digits = "0123456789ABCDEF";
 
-// The letter by which a line begins: in lower case for an identifier of 11 bits, except that an FD frame without bit
-// rate switch has d and D, and one with it b and B.
+// The letter by which a line begins: in lower case for an identifier of 11 bits, except that an FD frame without
+// bit rate switch has d and D, and an FD frame with bit rate switch has b and B.
 constexpr char letter_of(const CanHeader& header) noexcept {
   const char letter = header.remote ? 'r' : !header.fd ? 't' : header.bit_rate_switch ? 'b' : 'd';
   return static_cast<char>(header.extended ? letter - 'a' + 'A' : letter);
@@ -63,7 +63,7 @@ SlcanReader::Result SlcanReader::feed(char byte) noexcept {
 
 SlcanReader::Result SlcanReader::read_line(std::string_view line) noexcept {
   if (line.empty()) return Result::nothing;  // an acknowledgement
-  // The others: a frame was queued (z, Z); answers, and reports of errors.
+  // All other lines carry no frame: a frame was queued (z, Z), answers, and reports of errors.
   constexpr std::string_view frames = "tTrRdDbB", others = "zZFVvNEse";
   if (frames.find(line.front()) != frames.npos) return read_frame(line) ? Result::frame : Result::malformed;
   return others.find(line.front()) != others.npos ? Result::nothing : Result::malformed;
@@ -94,7 +94,7 @@ bool SlcanReader::read_frame(std::string_view line) noexcept {
     data_[i] = static_cast<std::byte>(byte);
   }
   line.remove_prefix(2 * length);
-  // A time stamp, in ms of a minute or in us, which the arrival at this host replaces.
+  // A time stamp follows, in ms of a minute or in us. It is ignored: the time of arrival at this host replaces it.
   constexpr std::size_t short_stamp = 4, long_stamp = 8;
   std::uint32_t stamp = 0;
   return line.empty() || ((line.size() == short_stamp || line.size() == long_stamp) && read_hex(line, stamp));

@@ -38,7 +38,7 @@ std::uint32_t PcapngReader::u32(Bytes bytes, std::size_t at) const noexcept {
   return swapped_ ? __builtin_bswap32(value) : value;
 }
 
-// Returns false if fewer than `size` bytes are there now.
+// Returns false if fewer than `size` bytes are available now.
 bool PcapngReader::fill(std::size_t size) noexcept {
   if (end_ - begin_ >= size) return true;
   std::memmove(buffer_.data(), buffer_.data() + begin_, end_ - begin_);
@@ -58,7 +58,8 @@ void PcapngReader::end(std::string_view what) noexcept {
   warning_size_ = std::min(written.size, warning_.size());
 }
 
-// Returns the body of the next block that fits into the buffer. Ends the file where it cannot go on.
+// Returns the body of the next block that fits into the buffer. Treats the file as ended where it cannot be read
+// further.
 std::optional<PcapngReader::Bytes> PcapngReader::next_block(std::uint32_t& type) noexcept {
   constexpr int most = 1024;  // blocks that are skipped in one call, so that the caller can do other work
   for (int i = 0; i < most && !at_end_; ++i) {
@@ -120,7 +121,7 @@ std::optional<PcapngPacket> PcapngReader::next() noexcept {
   return std::nullopt;
 }
 
-// `start`: the first 12 bytes of its block. Returns false if it has no byte order.
+// `start`: the first 12 bytes of its block. Returns false if the block has no valid byte order mark.
 bool PcapngReader::begin_section(Bytes start) noexcept {
   swapped_ = false;
   const std::uint32_t order = u32(start, 8);

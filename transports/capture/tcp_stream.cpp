@@ -56,14 +56,16 @@ bool TcpStream::push(const TcpSegment& segment) noexcept {
   return true;
 }
 
-// Another connection has sent data. When only others have for a while, the stream's end is missing in the capture.
+// Called when another connection has sent data. If only other connections have sent data for a while, the end of
+// the stream is missing in the capture.
 void TcpStream::ignore(const Way& way) noexcept {
   for (Handshake& handshake : handshakes_)
-    if (handshake.way == way) handshake = {};  // should it become the stream later, its begin is missing
+    if (handshake.way == way) handshake = {};  // its begin would be missing in a later stream
   if (++others_ > most_held) is_ending_ = true;
 }
 
-// A connection between the same ports, or after one whose last bytes are missing, ends the one before.
+// A new connection between the same ports, or after a connection whose last bytes are missing, ends the earlier
+// connection.
 void TcpStream::take_handshake(const Way& way, const TcpSegment& segment) noexcept {
   const bool is_ours = way == way_ || way == way_.reversed();
   const auto known = std::find_if(handshakes_.begin(), handshakes_.end(),
@@ -78,7 +80,7 @@ void TcpStream::take_handshake(const Way& way, const TcpSegment& segment) noexce
   next_handshake_ = 1 - next_handshake_;
 }
 
-// Returns false if the payload is a repetition of the connection before.
+// Returns false if the payload repeats bytes of the earlier connection.
 bool TcpStream::begin(const Way& way, const TcpSegment& segment) noexcept {
   const auto handshake =
       std::find_if(handshakes_.begin(), handshakes_.end(), [&](const Handshake& known) { return known.way == way; });

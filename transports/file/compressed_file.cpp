@@ -107,7 +107,7 @@ ssize_t CompressedFile::read(std::span<std::byte> room) noexcept {
 
 ssize_t CompressedFile::decompress_next(std::span<std::byte> room) noexcept {
   while (error_.empty()) {
-    // Also without input: the library may have kept bytes that `room` had no place for.
+    // This is called without input, too: the library may have kept bytes for which `room` had no place.
     if (const std::size_t size = decompress(room); size > 0) return static_cast<ssize_t>(size);
     if (!error_.empty() || begin_ != end_) continue;
     const ssize_t size = ::read(file_.get(), buffer_.data(), buffer_.size());

@@ -14,9 +14,9 @@ namespace imud {
 
 FileInput::FileInput(const PortSpec& spec) {
   const std::string path = spec.address == "-" ? "/dev/stdin" : spec.address;
-  // Non-blocking, so that a fifo opens without its writer.
+  // Opened non-blocking, so that a fifo can be opened before its writer.
   file_.reset(::open(path.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC | O_NOCTTY));
-  // A socket cannot be opened by name, nor can another user's pipe.
+  // A socket and another user's pipe cannot be opened by name.
   if (!file_ && spec.address == "-") file_.reset(::fcntl(STDIN_FILENO, F_DUPFD_CLOEXEC, 0));
   if (!file_) throw spec.error(fmt::format("cannot read it: {}", std::strerror(errno)));
   struct stat status {};

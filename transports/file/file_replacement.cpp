@@ -63,7 +63,8 @@ FileReplacement::FileReplacement(const PortSpec& spec, const std::string& path, 
       }
       if (::unlink(incomplete_.c_str()) != 0) throw failed(spec, incomplete_);
     } else if (::flock(file_.get(), LOCK_EX | LOCK_NB) == 0 && has_name(file_.get())) {
-      // Neither can fail for one's own file; another's keeps its owner if root writes it.
+      // These calls cannot fail for a file of this user. If root writes a file of another user, the file keeps its
+      // owner.
       if (exists && ::fchown(file_.get(), old.st_uid, old.st_gid) != 0) errno = 0;
       if (exists && ::fchmod(file_.get(), old.st_mode & 0777U) != 0) errno = 0;
       return;
@@ -86,8 +87,8 @@ void FileReplacement::commit() {
   committed_ = true;
 }
 
-// Opens and locks the file that a process has left; nothing else has that name. Returns no file
-// if it has gone meanwhile.
+// Opens and locks the PATH.incomplete that another process has left behind. Returns no file if it no longer
+// exists.
 FileDescriptor FileReplacement::open_stale(const PortSpec& spec) const {
   FileDescriptor stale(::open(incomplete_.c_str(), O_RDWR | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC | O_NOCTTY));
   if (!stale && errno == ENOENT) return {};

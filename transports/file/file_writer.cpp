@@ -23,7 +23,7 @@ bool is_regular(int fd) noexcept {
 
 FileWriter::FileWriter(const PortSpec& spec, const PortSettings& settings) {
   if (is_standard_output(spec.address) && is_regular(STDOUT_FILENO)) {
-    // Opening it again would truncate a file to which the shell appends.
+    // Opening standard output again by its name would truncate a file to which the shell appends.
     file_.reset(::fcntl(STDOUT_FILENO, F_DUPFD_CLOEXEC, 0));
   } else {
     open(spec, is_standard_output(spec.address) ? "/dev/stdout" : spec.address, settings.replaces_file);
@@ -31,7 +31,8 @@ FileWriter::FileWriter(const PortSpec& spec, const PortSettings& settings) {
   regular_ = is_regular(file_.get());
   gathers_ = regular_ || settings.delivery == Delivery::complete;
   if (!regular_) {
-    // A pipe whose reader leaves must not end the process; an installed handler stays.
+    // SIGPIPE must not end the process when the reader of a pipe leaves. A handler that is installed already is
+    // kept.
     const auto before = std::signal(SIGPIPE, SIG_IGN);
     if (before != SIG_DFL) std::signal(SIGPIPE, before);
   }

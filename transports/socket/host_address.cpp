@@ -32,7 +32,7 @@ bool is_host_name(std::string_view text) noexcept {
   return is_letter(part.front());
 }
 
-// Returns the address of a name in numbers; empty, with the reason, if it is not known.
+// Returns the numeric address of a name; empty, with the reason, if the name is not known.
 std::string look_up(const std::string& name, std::string& reason) {
   addrinfo hints{};
   hints.ai_socktype = SOCK_DGRAM;  // one result for each address

@@ -22,15 +22,16 @@ void configure(int socket) noexcept {
   set_option(socket, IPPROTO_TCP, TCP_NODELAY, 1);
   // A second of 1 kHz in products' frames. The default of some MB would keep a slow reader seconds behind.
   set_option(socket, SOL_SOCKET, SO_SNDBUF, 64 * 1024);
-  // A peer that has been silent for 5 s is asked for a sign of life each second, and lost after five of them.
+  // A peer that has been silent for 5 s gets a probe each second, and is lost after five unanswered probes.
   set_option(socket, SOL_SOCKET, SO_KEEPALIVE, 1);
   set_option(socket, IPPROTO_TCP, TCP_KEEPIDLE, 5);
   set_option(socket, IPPROTO_TCP, TCP_KEEPINTVL, 1);
   set_option(socket, IPPROTO_TCP, TCP_KEEPCNT, 5);
 }
 
-// Returns true if both ends of the connection are one socket. Who connects to a free port of this machine again and
-// again gets that port by chance as its own some time, and then TCP connects the socket with itself.
+// Returns true if both ends of the connection are the same socket. A process that repeatedly connects to a free
+// port of this machine gets this port as its own port by chance at some time; then TCP connects the socket with
+// itself.
 bool is_own_peer(int socket) noexcept {
   SocketAddress peer;
   peer.size = sizeof peer.storage;
@@ -57,7 +58,7 @@ bool StreamSocket::has_peer() noexcept {
 }
 
 void StreamSocket::send(std::span<const Frame> frames) noexcept {
-  // After an output failed, the input that is still there is received before the loss, unless nobody does.
+  // After a failed output, the remaining input is received before the loss, unless the caller does not receive.
   constexpr Nanoseconds longest_input = std::chrono::milliseconds(500);
   if (output_failed_ && host_now() - *output_failed_ > longest_input) lose();
   if (!has_peer() || output_failed_) {

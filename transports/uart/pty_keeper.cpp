@@ -40,8 +40,9 @@ int connect_to(const FileDescriptor& socket, const sockaddr_un& address) noexcep
 
 constexpr std::string_view no_answer = "its keeper does not answer; is that process stopped?";
 
-// Returns the connection; none if there is no keeper. A socket whose keeper has ended refuses. Throws PortError if
-// the keeper does not answer within 2 s; the same limit holds for receiving from it.
+// Returns the connection to the keeper; an empty descriptor if there is no keeper. The socket of a keeper that has
+// ended refuses connections. Throws PortError if the keeper does not answer within 2 s; the same limit holds for
+// receiving from it.
 FileDescriptor connection_to(const PortSpec& spec) {
   std::error_code error;
   if (!std::filesystem::is_socket(socket_of(spec.address), error)) return {};
@@ -52,11 +53,11 @@ FileDescriptor connection_to(const PortSpec& spec) {
     ::setsockopt(connection.get(), SOL_SOCKET, limit, &longest, sizeof longest);
   if (connection && connect_to(connection, address) == 0) return connection;
   if (errno == ECONNREFUSED || errno == ENOENT) return {};
-  if (errno == EAGAIN) throw spec.error(no_answer);  // as many as its queue holds have tried before
+  if (errno == EAGAIN) throw spec.error(no_answer);  // the queue of the socket is full of earlier attempts
   throw spec.error(fmt::format("its keeper cannot be reached: {}", std::strerror(errno)));
 }
 
-// A speed with a descriptor (cmsg(3)).
+// A message: a speed, and a descriptor beside it (cmsg(3)).
 class Message {
  public:
   Message() noexcept {
@@ -77,8 +78,8 @@ class Message {
     std::memcpy(CMSG_DATA(control), &descriptor, sizeof descriptor);
     static_cast<void>(::sendmsg(socket, &header_, MSG_NOSIGNAL | MSG_DONTWAIT));
   }
-  // Returns the descriptor; none, with errno, if no message has come, or with errno 0 if the other end has closed the
-  // connection.
+  // Returns the descriptor; an empty descriptor with errno if no message has come, or with errno 0 if the other
+  // end has closed the connection.
   FileDescriptor receive(int socket) noexcept {
     ssize_t size = 0;
     do size = ::recvmsg(socket, &header_, MSG_CMSG_CLOEXEC);
@@ -117,7 +118,7 @@ PtyKeeper::PtyKeeper(const std::string& port)
   if (connection_to(spec_)) throw spec_.error("another keeper holds it; stop that one, or choose another name");
   const FileDescriptor slave = pty_.open_slave();
   if (const int failure = PtyAccess(spec_).apply(slave.get()); failure != 0) throw PtyAccess::refusal(spec_, failure);
-  // A keeper that was killed has left its link, whose pty a device may still have.
+  // A keeper that was killed has left its link behind; a device may still have the pty of this link.
   pty_.make_link(spec_, was_kept);
   ::unlink(address.sun_path);
   socket_ = new_socket();
@@ -135,7 +136,7 @@ void PtyKeeper::accept() noexcept {
   connection_ = std::move(next);
 }
 
-// A process that has the pty sends the speed that it has set, and closes the connection when it ends.
+// A process that has the pty sends the speed that it has set. The connection is closed when that process ends.
 void PtyKeeper::receive() noexcept {
   while (connection_) {
     std::uint32_t speed = 0;
