@@ -13,7 +13,7 @@ namespace imud {
 enum class CheckLayout : std::uint8_t {
   text,  // rates, lines and their loads, warnings, and the whole configuration
   toml,  // the whole configuration
-  json,  // all of it; the faults, too
+  json,  // all of the above, and the faults
 };
 
 struct CheckOptions {

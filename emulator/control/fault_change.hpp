@@ -17,7 +17,7 @@ Change end_fault_change(const Json& params, const ChangeContext& context);
 Change clear_faults_change(const Json& params, const ChangeContext& context);
 
 // Returns the kinds of faults that can be begun, with their targets and parameters. `units` of a parameter is its
-// SI unit for each target, spelt as in keys; absent if the parameter's key names the unit.
+// SI unit for each target, spelt as in keys; empty if the parameter's key names the unit.
 Json fault_kinds_json();
 // Returns the faults of the configuration: name, and words for people.
 Json configured_faults_json(const FaultBook& faults);

@@ -12,8 +12,8 @@ namespace imud {
 
 // Returns the entry of protocols() with that name, or else the shipped description of that name as a protocol;
 // nullptr if there is neither. A described protocol has the name, summary and document of the description, which
-// Settings of its `settings` have attached; its key `frame_file` does not exist. It is made once and stays to the end
-// of the program. One thread at a time.
+// is attached to the Settings of the protocol's `settings`; the protocol has no key `frame_file`. Each described
+// protocol is made once and exists until the end of the program. One thread at a time.
 const Protocol* resolve_protocol(std::string_view name);
 
 // Returns true if the protocol is a shipped description.
@@ -32,7 +32,7 @@ std::vector<DescribedTitle> described_titles();
 // Returns the names that resolve_protocol() knows: of protocols(), then of the shipped descriptions.
 std::vector<std::string> protocol_names();
 
-// The fault of a `frame_file` that is given beside a described protocol, and the remedy.
+// Returns the fault of a `frame_file` that is given beside a described protocol, and the remedy.
 std::string frame_file_refusal(const Protocol& protocol);
 
 }  // namespace imud

@@ -9,12 +9,12 @@
 
 namespace imud {
 
-// Returns the tables of [[key]], at most `most`; adds a fault if it is something else.
+// Returns the tables of [[key]], at most `most`; adds a fault if the value of `key` is no such array.
 std::vector<const toml::table*> tables_of(TableReader& table, std::string_view key, std::size_t most);
 
-// Reads [setting], [[request]] and [unknown]. `resolved` takes what the readers resolve.
+// Reads [setting], [[request]] and [unknown]. Adds the values that the readers resolve to `resolved`.
 void read_host(TableReader& root, Faults& faults, toml::table& resolved, FrameHostDescription& host);
-// Reads the settings with which each of so many test frames was sent.
+// Reads the settings with which each of the message's test frames was sent. `frames`: the number of test frames.
 std::vector<std::vector<FrameHostDescription::Choice>> read_test_settings(TableReader& message, std::size_t frames);
 // Reads `when`, `polled` and, if it is the name of a setting, `rate_hz` of a message.
 void read_switch(TableReader& message, FrameDescription::Message& into);

@@ -18,12 +18,13 @@ int example(const std::string& name);
 // Prints the preset called `name`, to be copied into a configuration. Returns the exit code: 2 if there is none.
 int example_model(const std::string& name);
 
-// Returns [truth] with a format, all of whose settings are in it as comments. `port`: empty: an example.
+// Returns [truth] with a format, all of whose settings are in it as comments. If `port` is empty, the port is an
+// example.
 std::string truth_text(const TruthFormat& format, const std::string& port = {});
 
 // Returns [[imu]] with a protocol at a port, which begins with the name of a transport. `unit`: the product of the
-// protocol (`model` in [imu.device]); empty: the default one. `preset`: the sensor whose errors it has; nullptr: the
-// product's.
+// protocol (`model` in [imu.device]); empty: the default one. `preset`: the sensor whose errors the imu has;
+// nullptr: the product's errors.
 std::string imu_text(const Protocol& protocol, const std::string& port, std::string_view unit,
                      const Preset* preset = nullptr);
 

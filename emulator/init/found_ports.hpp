@@ -8,11 +8,11 @@ namespace imud {
 
 struct FoundPort {
   std::string address;  // a path of a device, or the name of an interface
-  std::string words;    // its device, its driver
+  std::string words;    // words for people: the device and the driver
 };
 
-// Returns the serial devices: those with a name in /dev/serial/by-id by that, then other USB adapters, then UARTs of
-// the board that exist, which are the ones that have a driver and a type.
+// Returns the serial devices: first the devices that have a name in /dev/serial/by-id, under this name, then other
+// USB adapters, then the UARTs of the board. A UART exists if it has a driver and a type; others are not returned.
 std::vector<FoundPort> found_serial_ports();
 
 // Returns the interfaces of SocketCAN.

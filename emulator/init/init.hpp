@@ -31,7 +31,7 @@ const CLI::App* add_init_command(CLI::App& app, InitOptions& options);
 // PortError or ConfigError if `imud check` would refuse the configuration; nothing is written then.
 int init(InitOptions options);
 
-// Returns the units that a protocol has as values of its setting `model`; empty: it has one.
+// Returns the units that a protocol has as values of its setting `model`; empty if the protocol has only one unit.
 std::span<const std::string_view> units_of(const Protocol& protocol);
 
 // A product by one of its names.
@@ -42,9 +42,9 @@ struct ChosenProduct {
 // Returns the protocol, or the unit of a protocol, of that name, whatever its case. Throws OpenError, which suggests
 // the nearest name, if there is none.
 ChosenProduct choose_product(const std::string& name);
-// Throws OpenError if the port is none for the protocol: its kind is unknown, or carries something else.
+// Throws OpenError if the port does not suit the protocol: the kind of the port is unknown, or carries other data.
 void check_device_port(const Protocol& protocol, const std::string& port);
-// Returns the lines of [earth] for a place and a truth. Throws OpenError if it is no place.
+// Returns the lines of [earth] for a place and a truth. Throws OpenError if `place` is no place.
 std::string earth_lines(const std::string& place, bool is_on_earth, bool is_inertial);
 
 }  // namespace imud

@@ -12,8 +12,8 @@
 namespace imud {
 
 // Sends each message as a datagram of systemd's native protocol (systemd, docs/JOURNAL_NATIVE_PROTOCOL.md), with
-// PRIORITY and the fields of LogFields. A message that the journal does not take, such as one that is longer than a
-// datagram, goes to the other sink.
+// PRIORITY and the fields of LogFields. A message that the journal does not take, such as one that is longer than
+// a datagram, goes to the sink `other`.
 class JournalSink final : public spdlog::sinks::base_sink<std::mutex> {
  public:
   static constexpr const char* socket_path = "/run/systemd/journal/socket";

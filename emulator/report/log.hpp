@@ -13,8 +13,8 @@ enum class LogLevel { quiet, normal, verbose };  // from warnings, from informat
 // priority, such as "<4>" (sd-daemon(3)). May be called again.
 void set_up_log(LogLevel level = LogLevel::normal);
 
-// While one exists, the messages that its thread logs concern this imu and this counter: in the journal they have the
-// fields IMU and COUNTER. A counter has its name in --require.
+// While a LogFields exists, the messages that its thread logs concern this imu and this counter: in the journal
+// these messages have the fields IMU and COUNTER. COUNTER is the counter's name as in --require.
 class LogFields {
  public:
   struct Values {
@@ -26,7 +26,7 @@ class LogFields {
   LogFields(const LogFields&) = delete;
   LogFields& operator=(const LogFields&) = delete;
 
-  // Returns the fields of the newest one of this thread.
+  // Returns the fields of the newest LogFields of this thread.
   static Values now() noexcept;
 
  private:

@@ -32,7 +32,8 @@ class Monitor {
 
   // Logs the events since the last call, and writes the lines of figures that are due.
   void update();
-  // Computes the loads of the lines again, and watches the ptys of now. Called when the configuration has changed.
+  // Computes the loads of the lines again, and watches the present ptys. Called when the configuration has
+  // changed.
   void update_loads();
   // Opens the file of figures again, after log rotation has renamed it.
   void reopen();

@@ -50,10 +50,10 @@ void check_figures(std::span<const Requirement> requirements, const Config& conf
 
 // Judges a run of `config`. With a capture as truth nothing may be missing: the capture was read to its end, every
 // truth in it was accepted, no sample was skipped, and every frame was written; at the recorded pace, frames that
-// nobody read from a pty are not missing. A requirement about truth.gaps decides in place of the rule that there is
-// none. Truth that configured faults take away is not missing. With live truth only frames lost to errors of a
-// file are missing. Percentages relate to the truths received, or to the imu's samples. A run that `is_repeated` from
-// its record may lack the same as the recorded run.
+// nobody read from a pty are not missing. Without a requirement about truth.gaps there must be no gap; with one,
+// the requirement decides. Truth that configured faults take away is not missing. With live truth only frames lost
+// to errors of a file count as missing. Percentages relate to the truths received, or to the imu's samples. A run
+// that `is_repeated` from its record may lack the same as the recorded run.
 Outcome judge(const Summary& summary, const Config& config, EndedBy ended_by,
               std::span<const Requirement> requirements, bool is_repeated = false);
 

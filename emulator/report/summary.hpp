@@ -53,7 +53,7 @@ struct Summary {
     std::vector<DeviceCount> device;
     double line_load_percent = 0;   // 0: the line has no bit rate
     std::vector<DrawnTerms> drawn;  // in the summary of the whole run
-    // The number of the first sample on the grid from the epoch; nullopt: it has none.
+    // The number of the first sample on the grid from the epoch; nullopt: the grid has no epoch.
     std::optional<std::uint64_t> first_k = std::nullopt;
   };
   std::vector<Imu> imus;
@@ -63,7 +63,7 @@ struct Summary {
   Snapshot<ControlCounters> control;
   std::optional<ClockFigures> clock;  // nullopt: the grids have no epoch
 
-  // The whole run's only.
+  // Members that only the summary of a whole run has.
   struct Whole {
     Outcome outcome;
     std::uint64_t seed = 0;

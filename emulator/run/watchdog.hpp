@@ -1,4 +1,5 @@
-// Watchdog: the service manager's, which ends a run whose sampling thread stands still.
+// Watchdog: reports to the service manager while the sampling thread works. Without reports the manager ends the
+// run.
 #pragma once
 
 #include <atomic>
@@ -12,9 +13,9 @@
 
 namespace imud {
 
-// The real host, which counts how often it is asked. The thread that samples asks it at least every 20 ms, also while
-// it waits: in lockstep without truth, or in silence. Only for the reader of a pipe that has stopped it waits longer,
-// up to 2 s each.
+// The real host, which counts how often it is asked. The thread that samples asks it at least every 20 ms, also
+// while it waits: in lockstep without truth, or in silence. The thread waits longer, up to 2 s for each reader,
+// only if the reader of a pipe has stopped.
 class CountingHost final : public Host {
  public:
   // Must be made by the thread that will wait, as MonotonicHost. `uses` has no other writer, and outlives this.
@@ -41,11 +42,12 @@ class CountingHost final : public Host {
 };
 
 // Sends WATCHDOG=1 to the service manager four times in the time that it allows (WATCHDOG_USEC,
-// sd_watchdog_enabled(3)), while `uses` changes. Before the first use it waits for nothing: the run waits for the
-// readers of its ptys. Does nothing if no manager asks for it. Used by the thread that runs `io`.
+// sd_watchdog_enabled(3)), while `uses` changes. Before the first use it sends in any case, because the run may
+// wait for the readers of its ptys. Does nothing if no manager asks for it. Used by the thread that runs `io`.
 class Watchdog {
  public:
-  // `is_always`: also sends while `uses` stands still. A run that no clock paces asks its host only when it waits.
+  // `is_always`: also sends while `uses` does not change, because a run that no clock paces uses its host only
+  // when it waits.
   Watchdog(boost::asio::io_context& io, const std::atomic<std::uint64_t>& uses, bool is_always);
 
  private:
