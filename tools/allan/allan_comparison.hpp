@@ -1,4 +1,4 @@
-// AllanComparison: whether a recording has the noise of a model, term by term.
+// AllanComparison: compares the noise of a recording with the noise of a model, term by term.
 #pragma once
 
 #include <array>
@@ -18,7 +18,7 @@ struct TermVerdict {
   enum class Word { agrees, differs, undecided };
   double model = 0;  // SI; 0: the model has no such term
   Word word = Word::agrees;
-  bool is_in_neither = false;  // neither the model nor the recording has it
+  bool is_in_neither = false;  // neither the model nor the recording has the term
 };
 std::string_view name_of(TermVerdict::Word word) noexcept;
 
@@ -32,8 +32,8 @@ std::string_view name_of(TermVerdict::Word word) noexcept;
 std::array<TermVerdict, allan_term_count> compare(const AllanCurve& curve, const AllanFit& fit,
                                                   const AllanTerms& model, double tolerance);
 
-// Returns true if no term differs and at least one that the model has agrees: a recording that is too short to decide
-// anything proves nothing.
+// Returns true if no term differs and at least one term of the model agrees. The latter is required because a
+// recording that is too short to decide about any term proves nothing.
 bool agrees(const std::array<TermVerdict, allan_term_count>& verdicts) noexcept;
 
 }  // namespace imud

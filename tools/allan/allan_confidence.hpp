@@ -18,10 +18,10 @@ inline constexpr int whitest_noise = 2;
 // Returns the least exponent for which the deviation exists: -2, or -4 for a Hadamard deviation.
 int reddest_noise(AllanKind kind) noexcept;
 
-// Identifies the noise that dominates at an averaging time of `factor` samples, by the lag-1 autocorrelation of the
-// averages less their linear trend (SP1065, 5.5.3). Returns nullopt for less than 30 averages, which do not suffice,
-// and for averages that lie on a line. `phase`: as phase_of() returns it. `sum_of_points`: of the phase at 0 and all
-// multiples of the factor, where it is known.
+// Identifies the noise that dominates at an averaging time of `factor` samples, by the lag-1 autocorrelation of
+// the averages less their linear trend (SP1065, 5.5.3). Returns nullopt for fewer than 30 averages, which are too
+// few, and for averages that lie on a line. `phase`: as phase_of() returns it. `sum_of_points`: the sum of the
+// phase at 0 and at all multiples of the factor, if known.
 std::optional<int> identify_noise(AllanKind kind, std::span<const double> phase, std::size_t factor,
                                   const ResidentPages& resident = {},
                                   std::optional<double> sum_of_points = std::nullopt);
@@ -32,7 +32,8 @@ std::optional<int> identify_noise(AllanKind kind, std::span<const double> phase,
 // reddest_noise(kind) to whitest_noise; 1 <= factor <= largest_factor(kind, points).
 double degrees_of_freedom(AllanKind kind, int alpha, std::size_t points, std::size_t factor);
 
-// The bounds between which the true deviation lies with the given probability, as much above as below them.
+// The bounds between which the true deviation lies with the given probability; it lies above and below the bounds
+// with equal probability.
 struct DeviationBounds {
   double low = 0, high = 0;
 };

@@ -31,13 +31,14 @@ struct AllanCurve {
 };
 
 // Returns the largest averaging factor of a curve: a third of the record for the Allan and modified deviations, a
-// quarter for the Hadamard and half for the total deviation. Longer ones have next to no degrees of freedom. 0: too
-// few samples.
+// quarter for the Hadamard and half for the total deviation. Longer averaging times have next to no degrees of
+// freedom. 0: there are too few samples.
 std::size_t largest_curve_factor(AllanKind kind, std::size_t samples) noexcept;
 
-// Computes the curve of equally spaced rates, finite and at least 4 of them. per_decade: see averaging_factors().
-// The phase takes the place of the rates, in memory or in a temporary file. A noise type that cannot be identified is
-// taken from the averaging time before, at first white.
+// Computes the curve of equally spaced rates. Requires at least 4 rates, all finite. per_decade: see
+// averaging_factors(). The phase overwrites the rates, in memory or in a temporary file. Where the noise type
+// cannot be identified, the type of the previous averaging time is taken; at the first averaging time, white
+// noise.
 AllanCurve allan_curve(AllanKind kind, SampleStore rates, double rate_hz, unsigned per_decade, double confidence);
 
 }  // namespace imud

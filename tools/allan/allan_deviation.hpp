@@ -37,17 +37,18 @@ constexpr std::size_t order_of(AllanKind kind) noexcept { return is_hadamard(kin
 // "overlapping-hadamard", "total".
 std::string_view name_of(AllanKind kind) noexcept;
 
-// Returns the sum of the rates up to each sample, less their mean times its number: one element more than rates, the
-// first is 0. The mean has no effect on any deviation; without it, and by compensated summation, each element is
-// exact to a few of its own ulps, whatever their number. Empty if there is no rate.
+// Returns the sum of the rates up to each sample, after subtraction of their mean from each rate. The result has
+// one element more than the rates; the first element is 0. The mean has no effect on any deviation; without the
+// mean, and with compensated summation, each element is exact to a few of its own ulps, whatever the number of
+// rates. Empty if there is no rate.
 std::vector<double> phase_of(std::span<const double> rates);
-// The same, in the place of the rates.
+// Computes the same in place: overwrites the rates.
 SampleStore stored_phase_of(SampleStore rates);
 
-// Returns the largest averaging factor that has a deviation for so many points of phase; 0: none has.
+// Returns the largest averaging factor for which so many points of phase have a deviation; 0: there is none.
 std::size_t largest_factor(AllanKind kind, std::size_t points) noexcept;
 
-// Returns the number of squared differences that the deviation is the mean of.
+// Returns the number of squared differences whose mean gives the deviation.
 std::size_t difference_count(AllanKind kind, std::size_t points, std::size_t factor) noexcept;
 
 // Returns the deviation over an averaging time of `factor` samples, in the unit of the rates. The time it takes does

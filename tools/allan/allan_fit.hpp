@@ -11,26 +11,27 @@ namespace imud {
 
 struct AllanFit {
   struct Term {
-    // nullopt: the term is not seen, because noise of the other terms alone gives an estimate as large with a
-    // probability above false_alarm.
+    // nullopt: the term is not detected, because the noise of the other terms alone gives an estimate of this size
+    // with a probability above false_alarm.
     std::optional<double> value;
     double error = 0;       // standard error of value
-    double least_seen = 0;  // the value from which on the term would be seen; infinite if it never is
+    double least_seen = 0;  // the least value that would be detected; infinite if no value would
   };
   std::array<Term, allan_term_count> terms;  // in the order of allan_term_list
-  // The relative error of the model's variance that explains why the points are farther from it than their degrees of
-  // freedom allow; 0 if they are not. It is part of the standard errors. A large one means that the recording has
-  // something else than these terms: a filter, a vibration, a change of temperature.
+  // The relative error of the model's variance that explains why the points are farther from the model than their
+  // degrees of freedom allow; 0 if they are not. This error is part of the standard errors. A large error means
+  // that the recording has something else than these terms: a filter, a vibration, a change of temperature.
   double misfit = 0;
-  // The averaging time from which on the flicker is flat; 0: at all averaging times, or no flicker is seen. imud's
-  // begins at bias_instability_from_s. Its uncertainty is part of the standard errors.
+  // The averaging time from which on the flicker is flat, s; 0: the flicker is flat at all averaging times, or no
+  // flicker is detected. imud's flicker begins at bias_instability_from_s. The uncertainty of this time is part of
+  // the standard errors.
   double flicker_from_s = 0;
 
-  // Returns the terms seen; the others are 0.
+  // Returns the detected terms; all other terms are 0.
   AllanTerms seen() const noexcept;
 };
 
-// The probability, for each term that is absent, that it is found nevertheless.
+// The probability with which a term that is absent is detected nevertheless.
 inline constexpr double false_alarm = 1e-3;
 
 // Fits the model of unit_variances() to the points of the curve from `from_s` to `to_s`, by weighted least squares in

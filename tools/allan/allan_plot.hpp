@@ -7,9 +7,9 @@
 
 namespace imud {
 
-// Returns gnuplot's commands that draw the report's CSV, which stands at `data`, to `picture`: double logarithmic, a
-// diagram for each sensor, with the bounds as a band, the fitted terms as a dashed line, and the model,
-// if there is one, as a dotted line.
+// Returns gnuplot's commands that draw the report's CSV in the file `data` to the file `picture`: double
+// logarithmic, a diagram for each sensor, with the bounds as a band, the fitted terms as a dashed line, and the
+// model, if there is one, as a dotted line.
 std::string plot_commands(const AllanReport& report, const std::string& data, const std::string& picture);
 
 }  // namespace imud

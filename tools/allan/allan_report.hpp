@@ -1,4 +1,4 @@
-// AllanReport: what imu-allan found, as text, JSON and CSV.
+// AllanReport: the results of imu-allan, as text, JSON and CSV.
 #pragma once
 
 #include <array>
@@ -50,23 +50,24 @@ struct AllanReport {
   double tolerance = 0;  // of the comparison with that model; 1: 100 %
 
   // Returns the value of a figure that `--require` may limit: "gyro_x.N" in SI,
-  // "gyro_x.angle_random_walk_deg_per_rt_hr", or for the largest of the three axes "gyro.N". A term that is not seen
-  // is 0, but for an upper limit it is the value from which on it would be seen. Throws std::invalid_argument for
-  // another figure. nullopt: there is no such axis.
+  // "gyro_x.angle_random_walk_deg_per_rt_hr", or for the largest of the three axes "gyro.N". The value of a term
+  // that was not detected is 0; for an upper limit, it is the least value that would have been detected. Throws
+  // std::invalid_argument for another figure. Returns nullopt if there is no such axis.
   std::optional<double> seen(const Requirement& requirement) const;
   bool holds(const Requirement& requirement) const;
   bool keeps_all_limits() const;
-  // The comparison of an axis with `against`, which there is; and whether every axis agrees, true without a model.
+  // Return the comparison of an axis with `against`, which is required, and whether every axis agrees; true
+  // without a model.
   std::array<TermVerdict, allan_term_count> verdicts(const Axis& axis) const;
   bool agrees_with_model() const;
-  // Returns the deviation of that model.
+  // Returns the deviation of the model `against`.
   double model_deviation(const Axis& axis, const AllanCurve::Point& point) const;
 
   // Returns a table with a line for each term of each axis.
   std::string text() const;
   std::string json() const;
   // Returns a header and a row for each averaging time: tau_s, then for each axis the deviation, its bounds, the
-  // deviation that the fitted terms have, and the model's if there is one, in SI.
+  // deviation of the fitted terms, and, if there is a model, the model's deviation, in SI.
   std::string csv() const;
   std::size_t csv_columns_per_axis() const noexcept { return against ? 5 : 4; }
 

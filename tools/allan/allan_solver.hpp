@@ -21,8 +21,8 @@ constexpr bool contains(TermSet set, std::size_t term) noexcept { return ((set >
 struct AllanSolution {
   TermSet active = 0;
   Eigen::VectorXd squares = Eigen::VectorXd::Zero(allan_term_count);
-  Eigen::VectorXd noise;        // expected variance at each point, without the ramp's
-  Eigen::VectorXd model;        // with it
+  Eigen::VectorXd noise;        // expected variance at each point, without the ramp
+  Eigen::VectorXd model;        // with the ramp
   Eigen::VectorXd uncertainty;  // variance of the measured variance
 };
 
@@ -32,7 +32,7 @@ class AllanSolver {
 
   bool is_possible() const noexcept { return measured_.size() >= 2 && measured_.minCoeff() > 0; }
   AllanSolution solve(TermSet allowed) const;
-  // Chooses the misfit at which the residuals of the solution are as large as expected.
+  // Chooses the misfit for which the residuals of the solution have the expected size.
   void choose_misfit();
   double misfit() const noexcept { return misfit_; }
   // Chooses the averaging time from which on flicker is flat, with which the solution with these terms is closest to
@@ -45,7 +45,8 @@ class AllanSolver {
     double variance = 0;  // of `square`
     double skewness = 0;  // of its distribution
   };
-  // Estimates a term with the solution's terms. The estimate's distribution has the solution's noise alone.
+  // Estimates a term together with the solution's terms. The estimate's distribution is computed from the
+  // solution's noise alone.
   Estimate estimate(std::size_t term, const AllanSolution& solution) const;
 
  private:

@@ -1,4 +1,4 @@
-// The terms of an Allan deviation one by one, for fits and model curves.
+// The single terms of an Allan deviation, for fits and model curves.
 #pragma once
 
 #include <array>
@@ -32,8 +32,8 @@ struct AveragingTime {
 // the order of allan_term_list. For the Allan deviation this is 3/tau^2, 1/tau, 2 ln(2)/pi, tau/3, tau^2/2.
 std::array<double, allan_term_count> unit_variances(AllanKind kind, const AveragingTime& time) noexcept;
 
-// Returns the expected deviation of all terms together, in u. The flicker is flat from `flicker_from_s` on, and lower
-// at shorter averaging times, see flicker_share(); 0: it is flat at all.
+// Returns the expected deviation of all terms together, in u. The flicker is flat from `flicker_from_s` on, and
+// lower at shorter averaging times, see flicker_share(); 0: the flicker is flat at all averaging times.
 double expected_deviation(AllanKind kind, const AllanTerms& terms, const AveragingTime& time,
                           double flicker_from_s = 0) noexcept;
 

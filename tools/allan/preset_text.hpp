@@ -7,9 +7,9 @@
 
 namespace imud {
 
-// Returns the text of a preset file for imud's key `model`. Its sensors have the fitted terms of each axis that are
-// seen, in the units of data sheets, with standard errors as comments. Their range is large, because a recording at
-// rest does not show it.
+// Returns the text of a preset file for imud's key `model`. The preset's sensors have, for each axis, the fitted
+// terms that were detected, in the units of data sheets, with standard errors as comments. The sensors' range is
+// large, because a recording at rest does not show the range.
 std::string preset_text(const AllanReport& report);
 
 }  // namespace imud

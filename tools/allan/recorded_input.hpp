@@ -1,4 +1,4 @@
-// The recording of a sensor by the command line: of a port, or of an array in a file.
+// The recording of a sensor that the command line selects: from a port, or from an array in a file.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -25,12 +25,13 @@ struct RecordedInput {
 // Adds PROTOCOL, PORT and the options of a recording.
 void add_recorded_input(CLI::App& app, RecordedInput& input);
 
-// Receives as receive_all(), or reads the array. Sets `running` when the port is open, and `ended_by`. Reports what
-// the decoder has not understood on standard error. Throws as StillRecorder::finish(), and std::invalid_argument if
-// the array's file cannot be read or there is no rate.
+// Receives as receive_all(), or reads the array. Sets `running` when the port is open, and `ended_by`. Reports
+// input that the decoder has not understood on standard error. Throws as StillRecorder::finish(), and
+// std::invalid_argument if the array's file cannot be read or there is no rate.
 StillRecording record(const RecordedInput& input, bool& running, std::string& ended_by);
 
-// Runs act() on the input of a parsed command line. Until the input is open, a fault is one of the command line.
+// Runs act() on the input of a parsed command line. A fault before the input is open is a fault of the command
+// line.
 template <class Act>
 int run_on(RecordedInput& input, bool& running, Act&& act) {
   catch_stop_signals();

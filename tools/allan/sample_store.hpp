@@ -1,4 +1,4 @@
-// SampleStore: samples of one channel, in memory or, from a length on, in a temporary file.
+// SampleStore: samples of one channel, in memory or, above a certain length, in a temporary file.
 #pragma once
 
 #include <cstddef>
@@ -10,9 +10,8 @@
 
 namespace imud {
 
-// The pages of a mapped file that have been touched. A pass over the file says how many bytes it has touched, and
-// from time to time its pages are released: they stay in the system's cache, and do not count as the program's
-// memory.
+// Counts the touched bytes of a mapped file, which a pass over the file reports, and releases the pages of the
+// file from time to time. Released pages stay in the system's cache and do not count as the program's memory.
 class ResidentPages {
  public:
   ResidentPages() = default;  // of nothing
@@ -26,7 +25,7 @@ class ResidentPages {
   mutable std::size_t touched_ = 0;
 };
 
-// One thread uses a store. A temporary file has no name any more, and ends with the store or with the program.
+// Used by one thread. A temporary file has no name, and disappears with the store or at the end of the program.
 class SampleStore {
  public:
   static constexpr std::size_t most_in_memory = 1U << 19U;  // samples
@@ -42,12 +41,12 @@ class SampleStore {
     if (memory_.size() == limit_) spill();
     memory_.push_back(sample);
   }
-  // Ends push_back(). Until then a store of more than most_in_memory samples has no elements to be read. Throws as
-  // push_back().
+  // Call it after the last push_back(). A store of more than most_in_memory samples cannot be read before. Throws
+  // as push_back().
   void finish();
-  // Multiplies all samples, after finish().
+  // Multiplies all samples. Requires finish().
   void scale(double factor) noexcept;
-  // Adds a sample of 0 at the end, after finish(). Throws as push_back().
+  // Adds a sample of 0 at the end. Requires finish(). Throws as push_back().
   void extend();
 
   std::size_t size() const noexcept { return in_file_ + memory_.size(); }

@@ -25,7 +25,7 @@ struct StillRecording {
   struct Channel {
     std::size_t number = 0;  // index in channel_names
     SampleStore values;      // rad/s, m/s^2
-    // They are increments by the rate.
+    // The values are increments multiplied by the rate.
     bool is_increment = false;
     bool is_rate() const noexcept { return number < channels_per_sensor; }
     std::string_view name() const noexcept { return channel_names[number]; }
@@ -42,14 +42,14 @@ struct StillRecording {
 inline constexpr std::size_t shortest_recording = 32;
 
 struct RecordingOptions {
-  std::optional<double> rate_hz;  // in place of the device's clock
+  std::optional<double> rate_hz;  // replaces the rate by the device's clock
   bool increments = false;        // delta-angle and delta-velocity in place of rate and specific force
   double largest_missing = 0.1;   // percent of the samples that may be missing, repeated or invalid
 };
 
-// Makes a recording of decoded measurements. Increments divided by the period take the place of rates that the
-// measurements do not have. Samples that the device marks as no measurement are left out; before the first valid one
-// they are its start-up and do not count.
+// Makes a recording of decoded measurements. If the measurements have no rates, their increments divided by the
+// period are recorded. Samples that the device marks as invalid are omitted; invalid samples before the first
+// valid sample are the start-up of the device and do not count as missing.
 class StillRecorder final : public MeasurementReceiver {
  public:
   StillRecorder(const Protocol& protocol, const RecordingOptions& options, std::uint64_t wanted);
@@ -57,14 +57,14 @@ class StillRecorder final : public MeasurementReceiver {
   void on_measurement(const Measurement& measurement) override;
   void set_arrival(std::optional<HostTime> arrival) override { arrival_ = arrival; }
   bool is_full() const override { return taken_ >= wanted_; }
-  // The number of measurements so far, recorded or not.
+  // Returns the number of measurements so far, recorded or not.
   std::uint64_t measurements() const noexcept { return measurements_; }
-  // Sets the rate of samples that have no time.
+  // Sets the rate of samples without a time.
   void set_nominal_rate(double rate_hz) noexcept { nominal_rate_hz_ = rate_hz; }
 
-  // Ends the recording, once. Samples around a gap are joined, as if none were missing, which is without effect on
-  // white noise, and on other noise as far as the share of missing samples is small. Throws std::runtime_error, with
-  // the remedy, if too many are missing, the device restarted, the rate is unknown, or
+  // Ends the recording; call it once. Samples around a gap are joined, as if no sample were missing. This has no
+  // effect on white noise, and little effect on other noise as long as few samples are missing. Throws
+  // std::runtime_error, with the remedy, if too many are missing, the device restarted, the rate is unknown, or
   // there are too few samples.
   StillRecording finish();
 
@@ -82,7 +82,7 @@ class StillRecorder final : public MeasurementReceiver {
   StillRecording recording_;
 };
 
-// Makes a recording of an array with these `columns`; nullopt: the column is left out. Throws as
+// Makes a recording of an array with these `columns`; nullopt: the column is omitted. Throws as
 // StillRecorder::finish(), and if a value is not finite.
 StillRecording recording_of(NpyRows& array, const std::vector<std::optional<std::size_t>>& columns, double rate_hz);
 
