@@ -38,14 +38,14 @@ CheckRule crc_rule(const CrcParameters& parameters);
 // The check of the difference of two frames, byte by byte.
 class CheckDifference {
  public:
-  // `is_big`: the order of words. `rule` must outlive it.
+  // `is_big`: the byte order of words. `rule` must outlive this.
   CheckDifference(const CheckRule& rule, bool is_big) : rule_(rule), is_big_(is_big) {}
 
   void add(std::byte one, std::byte other) noexcept;
-  // Returns true if no word is unfinished.
+  // Returns true if the bytes added so far are whole words.
   bool is_whole() const noexcept { return in_word_ == 0; }
-  // Returns true if the difference of the checks of both frames, which stand at `at` in both, is the same. `is_big`:
-  // the byte order of the checks.
+  // Returns true if the checks that stand at `at` in both frames have the computed difference. `is_big`: the byte
+  // order of the checks.
   bool agrees(std::span<const std::byte> one, std::span<const std::byte> other, std::size_t at,
               bool is_big) const noexcept;
 
@@ -60,7 +60,7 @@ class CheckDifference {
 bool agrees(const CheckRule& rule, std::span<const FrameCheck::Range> ranges, std::size_t at, bool is_big,
             std::span<const std::byte> one, std::span<const std::byte> other) noexcept;
 
-// Returns a number of `size` bytes.
+// Returns the number in `size` bytes.
 std::uint64_t number_at(std::span<const std::byte> bytes, std::size_t at, std::size_t size, bool is_big) noexcept;
 // The same for a float of 4 or 8 bytes.
 double float_at(std::span<const std::byte> bytes, std::size_t at, std::size_t size, bool is_big) noexcept;

@@ -1,4 +1,4 @@
-// CheckSearch: finds the checks of frames, and the ranges of bytes that they are of.
+// CheckSearch: finds the checks of frames, and the ranges of bytes that each check covers.
 #pragma once
 
 #include <cstddef>
@@ -16,10 +16,10 @@ namespace imud {
 
 // A byte is constant if it is the same in this share of the frames; the rest is damage.
 inline constexpr double constant_share = 0.97;
-// A check is of the whole frame if its ranges have this share of the bytes that vary.
+// A check covers the whole frame if its ranges contain at least this share of the bytes that vary.
 inline constexpr double whole_share = 0.85;
 
-// A check, and all its forms that hold for the same frames.
+// A check, and all of its forms that agree with the same frames.
 struct FoundCheck {
   struct Form {
     std::string name;              // for FrameCheck; empty: `own`
@@ -38,7 +38,8 @@ struct FoundCheck {
   std::size_t deciding = 0;                // distinct frames from which on such a chance is below 1 in 1000
   double share = 0;                        // of the varying bytes of a frame that the ranges have
 
-  // Returns true if it is of the whole frame, and no relation of data: a sum has no constant that fits.
+  // Returns true if the check covers the whole frame and is no accidental relation of data: a sum has no constant
+  // that fits.
   bool is_whole() const;
   // Returns the check's ranges with this form.
   std::vector<FrameCheck::Range> ranges_of(const Form& form) const;
@@ -52,19 +53,19 @@ class CheckSearch {
   // `length`: bytes of a frame, no more than a window has.
   CheckSearch(std::vector<Window> windows, std::size_t length);
 
-  // Searches checks with all that is known. A range, with its check, is no longer than a frame, and ends after
+  // Searches checks of all known families. A range, with its check, is no longer than a frame, and ends after
   // `first_end` bytes of the window.
   enum class Place : std::uint8_t {
     behind_range,  // the check follows its range
     before_range,  // the check stands before its range, or in it near its beginning
   };
   std::vector<FoundCheck> find(Place place, std::size_t first_end) const;
-  // Searches CRCs of 8 to 32 bits with a polynomial that is in no catalogue, of all other bytes of a frame, which a
-  // constant byte follows.
+  // Searches CRCs of 8 to 32 bits with a polynomial that is in no catalogue, that cover all other bytes of a frame
+  // and are followed by a constant byte.
   std::vector<FoundCheck> find_unknown(std::size_t first_end) const;
 
-  // Returns the check that frames of another length have, if these frames have it, too: from the same place before
-  // the frame on, and as far from its end.
+  // Returns the same check in these frames if a check of frames of another length holds here, too: it begins at
+  // the same place before the frame, and ends as far from the frame's end.
   std::optional<FoundCheck> adopted(FoundCheck check, std::size_t other_length) const;
 
   // Returns true if a byte of the window is the same in nearly all frames.
@@ -82,11 +83,11 @@ class CheckSearch {
   void after_pair(const std::vector<CheckRule>& rules, std::size_t first_end, std::size_t pair,
                   std::vector<Candidate>& found) const;
   bool holds(const Candidate& candidate) const;
-  // Returns the check of a candidate that holds; nullopt if there is too little evidence.
+  // Returns the check of a candidate; nullopt if there is too little evidence for it.
   std::optional<FoundCheck> resolved(const Candidate& candidate, double tried_log2) const;
   void find_forms(const Candidate& candidate, FoundCheck& check) const;
   void find_own_forms(const Candidate& candidate, FoundCheck& check) const;
-  // Returns the first byte that a frame may begin with that ends with the check and its ranges.
+  // Returns the first byte at which a frame may begin that ends with the check and its ranges.
   std::size_t frame_begin(const FoundCheck& check) const;
   std::size_t agreeing(const FoundCheck& check, const FoundCheck::Form& form) const;
   std::size_t varying_in(std::size_t begin, std::size_t end) const;

@@ -1,4 +1,5 @@
-// find_fields: finds specific forces, angular rates and their increments by a capture at rest and one turned by hand.
+// find_fields: finds specific forces, angular rates and their increments in two captures: one at rest, and one of
+// the sensor turned by hand.
 #pragma once
 
 #include <cstddef>
@@ -11,9 +12,9 @@
 
 namespace imud {
 
-// Adds fields and notes to the messages. The first `turned_bytes` of the stream are the capture of the sensor turned
-// by hand, all others the one at rest. `rate_hz`: of the most frequent messages; 0: not known. Returns remarks about
-// the whole, a line each: among them, what these captures do not show.
+// Adds fields and notes to the messages. The first `turned_bytes` of the stream are the capture of the sensor
+// turned by hand, all other bytes are the capture at rest. `rate_hz`: of the most frequent messages; 0: not known.
+// Returns remarks about the whole, a line each: among them, what these captures do not show.
 std::vector<std::string> find_fields(FoundFrames& found, std::span<const std::byte> stream, std::size_t turned_bytes,
                                      double rate_hz);
 

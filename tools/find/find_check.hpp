@@ -1,4 +1,4 @@
-// find_check: what `imu-decode --find-check` does.
+// find_check: the option --find-check of imu-decode.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -10,7 +10,7 @@ namespace imud {
 
 struct FindOptions {
   std::string capture;  // a port, or a file of bytes; "-" is standard input
-  std::string turned;   // the same of the sensor while it is turned by hand; empty: there is none
+  std::string turned;   // the capture of the sensor while it is turned by hand; empty: none
 };
 
 // Adds --find-check and --turned to a command line. `options` stays where it is.

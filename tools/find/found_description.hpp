@@ -1,4 +1,4 @@
-// describe_frames: writes what was found as the beginning of a description (protocols/frames/README.md).
+// describe_frames: writes the findings as the beginning of a description (protocols/frames/README.md).
 #pragma once
 
 #include <cstddef>
@@ -18,8 +18,8 @@ struct DescriptionText {
   FrameEscape escape = FrameEscape::none;  // that was removed from the stream
 };
 
-// Returns the description, with a test frame for each message. Bytes whose meaning is not known are `_:N`. Comments
-// have the evidence, and all that is not decided.
+// Returns the description, with a test frame for each message. Bytes whose meaning is not known are `_:N`.
+// Comments state the evidence, and everything that is not decided.
 std::string describe_frames(const FoundFrames& found, std::span<const std::byte> stream, const DescriptionText& text);
 
 }  // namespace imud

@@ -15,7 +15,7 @@
 
 namespace imud {
 
-// Constant bytes at the beginning of a frame that are taken for its header, at most.
+// The greatest number of constant bytes at the beginning of a frame that are taken for its header.
 inline constexpr std::size_t longest_header = 4;
 
 // A split with its checks, by windows that begin `before` bytes before the anchors.

@@ -14,12 +14,13 @@
 
 namespace imud {
 
-// A number that is the same in every frame of a length, and as much larger as the frame is longer.
+// A length field: a number that is the same in every frame of a length, and larger in longer frames by the
+// difference of the lengths.
 struct FoundLength {
   std::size_t at = 0, size = 1;  // bytes
   bool is_big = false;
-  std::size_t from = 0, to = 0;  // the bytes that it counts
-  std::int64_t plus = 0;         // and how many more
+  std::size_t from = 0, to = 0;  // the bytes that the number counts
+  std::int64_t plus = 0;         // the number is this much larger than the count of bytes
   bool is_certain = false;       // frames of several lengths agree
 };
 
@@ -29,7 +30,7 @@ struct FoundCounter {
   bool is_big = false;
   bool is_float = false;
   double step = 1;            // of its units, from frame to frame
-  std::uint64_t modulus = 0;  // if it begins again before its type ends; 0: it does not
+  std::uint64_t modulus = 0;  // at which it begins again, if below the type's range; 0: none
   double share = 0;           // of the frames that are that much later
   std::uint64_t highest = 0;  // value, of an integer
   bool is_counter() const noexcept { return !is_float && step == 1; }
@@ -63,16 +64,17 @@ struct FoundFrames {
   std::vector<FoundMessage> messages;
   double coverage = 0;      // the share of the bytes that are in frames
   bool is_checked = false;  // each message has a check of nearly all that varies
-  // The frames could as well begin so many bytes later (if negative, earlier): little in the stream decides it.
+  // The frames could also begin so many bytes later (if negative, earlier): the stream has little evidence for
+  // either.
   std::vector<std::ptrdiff_t> other_begins;
 };
 
-// Returns the messages of the stream; nullopt if no frame repeats. `joint`: where a second capture begins; 0: there
-// is none.
+// Returns the messages of the stream; nullopt if no frame repeats. `joint`: the byte at which a second capture
+// begins; 0: there is no second capture.
 std::optional<FoundFrames> find_frames(std::span<const std::byte> stream, std::size_t joint = 0);
 
 // The rate of the most frequent messages that a clock in them suggests, if its unit is 1 s, 1 ms, 1 us or 1 ns and
-// the rate a usual one; 0: no clock does.
+// the rate a usual one; 0: no clock suggests one.
 double suggested_rate(const FoundFrames& found);
 
 // Returns the frames of a message.

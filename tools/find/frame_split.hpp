@@ -16,7 +16,7 @@
 namespace imud {
 
 // A division of a stream. The position of a frame is its anchor's: where the frame itself begins is not known yet,
-// but it is as far before the anchor in frames of every length.
+// but the distance from the beginning to the anchor is the same in frames of every length.
 struct FrameSplit {
   static constexpr std::size_t shortest_frame = 5, longest_frame = 1024;  // bytes
   static constexpr std::size_t fewest_frames = 8;                         // of a length

@@ -42,8 +42,8 @@ struct NumberStatistics {
 
 class HandledFrames {
  public:
-  // The first `turned_bytes` of the stream are the capture that was turned, all others the one at rest. The stream
-  // must outlive it.
+  // The first `turned_bytes` of the stream are the capture that was turned, all other bytes are the capture at
+  // rest. The stream must outlive this.
   HandledFrames(const std::vector<FoundMessage>& messages, std::span<const std::byte> stream,
                 std::size_t turned_bytes);
 
@@ -54,9 +54,10 @@ class HandledFrames {
   // Returns the means of a number in the blocks of a capture, which are calculated once.
   const std::vector<double>& blocks(const NumberPlace& number, Handled capture) const;
 
-  // A block is consecutive frames of the most frequent message, and all others at that time.
+  // A block is a sequence of consecutive frames of the most frequent message, with the frames of the other
+  // messages at that time.
   std::size_t block_count(Handled capture) const { return time(capture).size(); }
-  // The time of the middle of each block, in frames of the most frequent message.
+  // Returns the time of the middle of each block, in frames of the most frequent message.
   const std::vector<double>& time(Handled capture) const { return part(capture).time; }
   // Returns the number of whole frames.
   std::size_t frame_count(std::size_t message, Handled capture) const { return part(capture).frames[message].size(); }

@@ -9,8 +9,9 @@
 
 namespace imud {
 
-// Returns the checks of 8 or 16 bits that stand in the first 16 bytes of the frames, of bytes before them or behind
-// them in these 16 bytes. They agree in nearly all frames, and are apart from the checks that the message has.
+// Returns the checks of 8 or 16 bits that stand in the first 16 bytes of the frames, of bytes before them or
+// behind them in these 16 bytes. The returned checks agree in nearly all frames, and do not overlap the known
+// checks of the message.
 std::vector<FoundCheck> find_header_checks(const FoundMessage& message, std::span<const std::byte> stream);
 
 }  // namespace imud

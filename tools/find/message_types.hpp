@@ -1,8 +1,8 @@
-// divide_by_type: messages of one length that share a header, and that a byte tells apart.
+// divide_by_type: separates messages that have the same length and header, and differ in a byte, their type.
 //
-// A type is a byte near the beginning that takes a few values. Bits of a status and high bytes of numbers do so, too,
-// but a type changes from frame to frame, in nearly the same order each time; and in a counter of few values, which
-// does that, too, it makes no difference for the other bytes which value it has.
+// A type is a byte near the beginning that takes a few values. Bits of a status and high bytes of numbers take few
+// values, too, but only a type changes from frame to frame in nearly the same order each time. A counter of few
+// values also changes in this way, but the other bytes of a frame do not depend on the counter's value.
 #pragma once
 
 #include <cstddef>

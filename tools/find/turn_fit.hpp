@@ -1,9 +1,9 @@
 // fit_gravity, TurnFit: which vectors in the frames are specific forces, and which are angular rates.
 //
-// At rest and in slow turns the specific force is gravity's reaction: its norm stays, and its direction u, in the
-// sensor's axes, turns with du/dt = u x omega. For numbers r of a rate gyro, omega = s P (r - r at rest), where P
-// pairs the axes, with signs: the integral over a window, u(t2) - u(t1) = sum of dt u x s P r, is linear in the
-// scales s.
+// At rest and in slow turns the specific force is gravity's reaction: its norm is constant, and its direction u,
+// in the sensor's axes, turns with du/dt = u x omega. For numbers r of a rate gyro, omega = s P (r - r at rest),
+// where P pairs the axes, with signs: the integral over a window, u(t2) - u(t1) = sum of dt u x s P r, is linear
+// in the scales s.
 #pragma once
 
 #include <array>
@@ -32,8 +32,8 @@ struct GravityFit {
 // change in the turns; also if there are no frames at rest, or none in turns.
 std::optional<GravityFit> fit_gravity(const HandledFrames& frames, const VectorPlace& place);
 
-// Returns for each component of `one` the component of `other` along it, and whether it is its negative; nullopt if
-// their directions differ.
+// Returns, for each component of `one`, the parallel component of `other`, and whether their signs are opposite;
+// nullopt if the two vectors have different axes.
 std::optional<std::array<std::size_t, 3>> axes_along(const GravityFit& one, const GravityFit& other,
                                                      std::array<bool, 3>& is_negative);
 
@@ -51,13 +51,13 @@ struct TurnFound {
 
 class TurnFit {
  public:
-  // Both must outlive it.
+  // Both arguments must outlive this.
   TurnFit(const HandledFrames& frames, const GravityFit& gravity);
 
   // Returns nullopt if the numbers are no rates in these axes.
   std::optional<TurnFound> fit(const VectorPlace& place) const;
   std::size_t windows() const { return windows_.size(); }
-  // The mean length of a window, in frames of the most frequent message.
+  // Returns the mean length of a window, in frames of the most frequent message.
   double window_frames() const { return window_frames_; }
 
  private:

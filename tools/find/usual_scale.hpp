@@ -23,9 +23,9 @@ struct UsualScale {
   double si = 1;     // of the LSB
 };
 
-// The scale of a vector, and how sure it is.
+// The scale of a vector, and its evidence.
 struct VectorScale {
-  UsualScale taken;  // the nearest usual figure within the tolerance, or the measured one
+  UsualScale taken;  // the nearest usual figure within the tolerance, or the measured scale
   bool is_usual = false;
   std::vector<UsualScale> others;  // as good
   double measured = 0;             // SI of the LSB
@@ -33,8 +33,9 @@ struct VectorScale {
   double by_chance = 0;            // the number of usual figures that are as near by chance, on average
 };
 
-// Returns the scale of numbers whose LSB is `si` within a relative tolerance. Floats have whole units; integers have
-// decimals, powers of two and, with two bytes, ranges over 32768. Where usual figures are frequent none is taken.
+// Returns the scale of numbers whose LSB is `si` within a relative tolerance. Floats have whole units; integers
+// have decimals, powers of two and, with two bytes, ranges over 32768. Where usual figures are too dense, none is
+// taken.
 VectorScale scale_of(VectorQuantity quantity, const FrameNumber& type, double si, double tolerance);
 // Returns the scale for people: "LSB 0.0010002 g +- 0.4 %, taken as 0.001 g ...".
 std::string scale_text(VectorQuantity quantity, const VectorScale& scale);

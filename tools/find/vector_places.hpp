@@ -1,4 +1,4 @@
-// find_vectors: where in the frames three numbers may stand that are the components of a vector.
+// find_vectors: finds places in the frames where three numbers may be the components of a vector.
 #pragma once
 
 #include <array>
@@ -13,7 +13,7 @@ namespace imud {
 struct VectorPlace {
   NumberPlace first;
   std::size_t stride = 0;              // bytes
-  std::array<bool, 3> is_lively = {};  // it changes smoothly while the sensor is turned, and not at rest
+  std::array<bool, 3> is_lively = {};  // the component changes smoothly while the sensor is turned, and not at rest
 
   NumberPlace component(std::size_t i) const {
     NumberPlace place = first;
@@ -25,16 +25,16 @@ struct VectorPlace {
   bool overlaps(const VectorPlace& other) const;
 };
 
-// Returns the vectors in free bytes of which at least two components are lively: no more than 1500. `is_free`: of
-// each message, its bytes that have no meaning yet.
+// Returns at most 1500 vectors that lie in free bytes and have at least two lively components. `is_free`: of each
+// message, its bytes that have no meaning yet.
 std::vector<VectorPlace> find_vectors(const HandledFrames& frames, const std::vector<std::vector<bool>>& is_free);
 
 // Returns how much the lively components change from frame to frame while turned, relative to all their changes:
 // least for the reading that has the right bytes.
 double roughness(const VectorPlace& place, const HandledFrames& frames);
 
-// Vectors with the same high bytes are one: returns the indices of those to keep. A wider number is taken as long as
-// its further bytes are a part of it as far as the frames show: they take all values alike.
+// Vectors with the same high bytes count as one vector: returns the indices of the vectors to keep. A wider number
+// is preferred if its further bytes take all values equally often, and thus seem to be a part of the number.
 std::vector<std::size_t> distinct_vectors(const std::vector<VectorPlace>& all, const HandledFrames& frames);
 
 }  // namespace imud

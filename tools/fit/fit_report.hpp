@@ -1,4 +1,4 @@
-// FitReport: the errors of a unit by its dwells, as text, JSON and a preset.
+// FitReport: the errors of a unit, estimated from its dwells, as text, JSON and a preset.
 #pragma once
 
 #include <array>
@@ -17,11 +17,11 @@ struct FitReport {
   std::string protocol, port, plan;
   std::size_t samples = 0, dwells = 0;
   double rate_hz = 0, reference_c = 25;
-  std::optional<Sensor> gyro, accelerometer;  // nullopt: it was not recorded, or no dwell states its input
+  std::optional<Sensor> gyro, accelerometer;  // nullopt: the sensor was not recorded, or no dwell states its input
 
   std::string text() const;
   std::string json() const;
-  // A model for imud; what was not fitted has a comment.
+  // Returns the text of a model for imud; a comment marks each term that was not fitted.
   std::string preset() const;
 };
 

@@ -12,7 +12,7 @@
 
 namespace imud {
 
-// u is rad/s or m/s^2. The mean of a sensor in a dwell, and what was true then.
+// u is rad/s or m/s^2. The mean of a sensor in a dwell, and the true input, force and temperature in this dwell.
 struct DwellMean {
   double middle_s = 0, length_s = 0;
   Vector3 input = Vector3::Zero();  // u, in the axes of the fixture
@@ -37,7 +37,7 @@ inline constexpr std::size_t fit_terms = 9;
 struct AxisFit {
   struct Parameter {
     double value = 0;             // in SI; of an unobservable one the nominal value
-    std::optional<double> sigma;  // nullopt: the dwells do not show it
+    std::optional<double> sigma;  // nullopt: the dwells do not determine the term
   };
   std::array<Parameter, fit_terms> parameters;
   std::size_t wanted = 0, rank = 0;  // the number of terms that the dwells vary, and of independent ones
@@ -49,9 +49,9 @@ struct AxisFit {
 };
 
 // Fits each axis by generalised least squares: the dwells' means share the flicker noise and the random walk of
-// `noise`, whose covariance follows from their times. A term that a combination of others hides, or that no dwell
-// varies, is not fitted. Where residuals are larger than the standard errors explain, with a probability below 1e-3,
-// these grow with them.
+// `noise`, whose covariance follows from their times. A term that a combination of other terms hides, or that no
+// dwell varies, is not fitted. If the residuals are larger than the standard errors explain, with a probability
+// below 1e-3, the standard errors are enlarged accordingly.
 std::array<AxisFit, 3> fit_sensor(const std::vector<DwellMean>& dwells, const std::array<AllanTerms, 3>& noise,
                                   const FixtureErrors& fixture, bool has_g_sensitivity);
 
