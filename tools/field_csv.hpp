@@ -16,7 +16,7 @@ namespace imud {
 // out.
 class FieldCsv {
  public:
-  // Writes the header. `decoder` and `out` must outlive it.
+  // Writes the header. `decoder` and `out` must outlive this.
   FieldCsv(const FieldDecoder& decoder, TextOutput& out);
 
   void write(const DecodedFrame& frame);

@@ -21,7 +21,7 @@ void check_data_path(const std::string& path, std::string_view begin);
 // Returns the commands that direct the output to `picture`, of a size in pixels.
 std::string terminal_commands(const std::string& picture, std::size_t width, std::size_t height);
 
-// Returns the text in gnuplot's single quotes, in which nothing is special but the quote.
+// Returns the text in gnuplot's single quotes, in which only the quote itself is special.
 std::string in_quotes(const std::string& text);
 
 // Executes the commands. Throws std::runtime_error if gnuplot fails.

@@ -70,9 +70,10 @@ struct Answer {
   std::uint32_t sequence = 0;
   std::int64_t simulation_time_ns = 0;  // up to which imud has emitted all samples
   std::uint64_t samples = 0;            // emitted in this run, by all its imus together
-  // True if simulation_time_ns is the truth's. Otherwise imud refused the truth and emitted nothing, because the
-  // truth's time is before the last truth's, or too far ahead of it (truth.max_gap_ms); or imud does not run in
-  // lockstep. A truth of the same time is a repetition, and changes nothing.
+  // True if imud accepted the truth: simulation_time_ns is the truth's time. False if imud refused the truth and
+  // emitted nothing, because the truth's time is before the last truth's time, or too far after it
+  // (truth.max_gap_ms), or because imud does not run in lockstep. A truth of the same time is a repetition, and
+  // changes nothing.
   bool accepted = false;
 };
 
@@ -153,8 +154,8 @@ inline Datagram encode(const Truth& truth, std::uint32_t stream, std::uint32_t s
 // A UDP socket that sends to one address, and receives from it only.
 class Connection {
  public:
-  // `address`: numeric, IPv4 or IPv6, as in imud's truth.port. Throws std::invalid_argument if it is no address, and
-  // std::system_error if nothing can be sent there.
+  // `address`: a numeric IPv4 or IPv6 address, as in imud's truth.port. Throws std::invalid_argument if the text
+  // is no address, and std::system_error if nothing can be sent to the address.
   Connection(const std::string& address, std::uint16_t port)
       : name_("udp:" + (address.find(':') == std::string::npos ? address : "[" + address + "]") + ":" +
               std::to_string(port)) {
@@ -199,16 +200,16 @@ class Connection {
 // One run of one vehicle: the first truth is marked as the beginning of a run. Use it from one thread at a time.
 class LockstepClient {
  public:
-  // Throws as Connection does. Whether imud is running is found out by step().
+  // Throws as Connection does. Only step() shows whether imud is running.
   LockstepClient(const std::string& address, std::uint16_t port, const Options& options = {})
       : options_(options),
         connection_(address, port),
         sequence_(options.first_sequence ? *options.first_sequence
                                          : static_cast<std::uint32_t>(Clock::now().time_since_epoch().count())) {}
 
-  // Sends `truth` and waits for its answer; sends the same datagram again when none comes in time. This is harmless,
-  // as imud answers a repeated truth again and emits nothing twice. Throws std::runtime_error if no attempt is
-  // answered, and std::invalid_argument as encode() does.
+  // Sends `truth` and waits for imud's answer; sends the same datagram again if no answer comes in time. This is
+  // harmless, as imud answers a repeated truth again and emits nothing twice. Throws std::runtime_error if no
+  // attempt is answered, and std::invalid_argument as encode() does.
   Answer step(const Truth& truth) {
     const std::uint32_t sequence = sequence_++;
     const Datagram datagram = encode(truth, options_.stream, sequence, first_);

@@ -19,7 +19,8 @@ class OutputOptions {
     paths_.emplace_back(option, &path);
     return app_.add_option(option, path, help)->type_name("FILE");
   }
-  // Returns the fault of the first file that is in use; empty if there is none, and all of them are in use now.
+  // Returns the fault of the first output that is a file in use. If there is none, returns an empty text, and all
+  // outputs are registered as in use.
   [[nodiscard]] std::string claim(FilesInUse& files) const {
     std::string fault;
     for (const auto& [option, path] : paths_)

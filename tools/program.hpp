@@ -1,4 +1,4 @@
-// program: the begin and the end that the tools share.
+// program: the beginning and the end of main() that the tools share.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -19,7 +19,8 @@ CLI::Option* add(CLI::App& app, const std::string& name, Value& value, const std
   return app.add_option(name, value, help)->type_name(unit);
 }
 
-// Parses the command line. Returns the exit code if the program ends with that: 0 after --help or --version.
+// Parses the command line. Returns the exit code if the program ends with the command line: 0 after --help or
+// --version.
 std::optional<int> parse(CLI::App& app, int argc, char** argv);
 
 // Runs the tool; returns the exit code, which is `failed` if all went well, but standard output cannot be written. An

@@ -28,11 +28,11 @@
 
 namespace imud_lockstep {
 
-// One run of one vehicle: the first truth is marked as the beginning of a run, and is sent at once. Each other truth
-// is due when as much time of CLOCK_MONOTONIC has passed since the first one was sent as simulation time between the
-// two: no delay adds up. With Options::clock this clock is used, and each truth is stamped with the time at which it
-// is due: imuds on several hosts then sample the same truth at the same instant (realtime.epoch, truth.delay_ms). Use
-// it from one thread at a time.
+// One run of one vehicle: the first truth is marked as the beginning of a run, and is sent at once. Each further
+// truth is due when as much time of CLOCK_MONOTONIC has passed since the first truth was sent as there is
+// simulation time between the two truths; therefore delays do not add up. With Options::clock, that clock is used,
+// and each truth is stamped with the time at which it is due: imuds on several hosts then sample the same truth at
+// the same instant (realtime.epoch, truth.delay_ms). Use it from one thread at a time.
 class RealtimeClient {
  public:
   struct Options {
@@ -42,7 +42,7 @@ class RealtimeClient {
   };
   struct Counters {
     std::uint64_t sent = 0;        // truths that the network accepted
-    std::uint64_t refused = 0;     // truths that it did not: imud is not running, or the network is down
+    std::uint64_t refused = 0;     // truths that it did not accept: imud is not running, or the network is down
     std::int64_t lateness_ns = 0;  // of the last truth: from the instant at which it was due to sending
     std::int64_t max_lateness_ns = 0;
   };
@@ -55,9 +55,9 @@ class RealtimeClient {
         sequence_(options.first_sequence),
         connection_(address, port) {}
 
-  // Waits until `truth` is due, then sends it; sends it at once if it is late. Returns false if the network did not
-  // accept it: the next one may be accepted. Throws std::invalid_argument as encode() does, or if the simulation time
-  // is not later than in the truth before.
+  // Waits until `truth` is due, then sends it; sends it at once if it is late. Returns false if the network did
+  // not accept the truth; it may accept the next one. Throws std::invalid_argument as encode() does, or if the
+  // simulation time is not later than the previous truth's.
   bool send(const Truth& truth) {
     if (last_ && truth.simulation_time_ns <= last_->simulation_ns)
       throw std::invalid_argument("simulation_time_ns is " + std::to_string(truth.simulation_time_ns) + " after " +

@@ -12,7 +12,7 @@ void catch_stop_signals();
 // Return true after SIGINT or SIGTERM. Any thread.
 bool stop_requested() noexcept;
 const std::atomic<bool>& stop_flag() noexcept;
-// Returns true after a second one.
+// Returns true after a second signal.
 bool stop_requested_again() noexcept;
 
 }  // namespace imud

@@ -23,13 +23,14 @@ struct StreamReport {
   std::string ended_by;  // end of input, signal, time, count, closed output
   std::vector<Requirement> required;
 
-  // The figures that `--require` may limit; nullopt: the stream does not give it.
+  // The figures that `--require` may limit; nullopt: the stream does not give the figure.
   struct Figure {
     std::string_view name;
     std::optional<double> value;
   };
   std::vector<Figure> figures() const;
-  // Returns the value of the figure that the requirement is about. Throws std::invalid_argument if there is none.
+  // Returns the value of the figure that the requirement is about. Throws std::invalid_argument if there is no
+  // such figure.
   std::optional<double> seen(const Requirement& requirement) const;
   // Returns true if the figure is known and keeps the limit; a percentage is of the samples.
   bool holds(const Requirement& requirement) const;

@@ -23,8 +23,8 @@ class StreamStatistics {
   // `protocol` gives the width of the counter, and period and resolution of the time.
   explicit StreamStatistics(const Protocol& protocol);
 
-  // `arrival` is empty where it has no meaning: for regular files, and for samples that were in the port before the
-  // first receive().
+  // `arrival` is empty where the time of arrival has no meaning: for regular files, and for samples that the port
+  // held before the first receive().
   void add(const Measurement& measurement, std::optional<HostTime> arrival);
   // Ends the stream. The figures below are complete only after this.
   void finish();
@@ -39,15 +39,15 @@ class StreamStatistics {
   // so that the drift of the clocks does not count as jitter.
   const DurationHistogram& jitter() const noexcept { return jitter_; }
 
-  // The number of gaps, and of the samples missing in them. They are found by the counter, whose overflows are found
-  // by the device time, or without a counter by the device time alone.
+  // The number of gaps, and the number of samples missing in them. Gaps are found by the counter, together with
+  // the device time, which shows overflows of the counter; without a counter, by the device time alone.
   std::uint64_t gaps() const noexcept { return gaps_; }
   std::uint64_t missing() const noexcept { return missing_; }
   bool can_detect_gaps() const noexcept { return can_detect_gaps_; }
   // Steps of the device time that differ from the expected ones by more than half the median step of the window,
   // after missing samples are accounted for.
   std::uint64_t time_jumps() const noexcept { return time_jumps_; }
-  // Samples with the counter, or without a counter the time, of the sample before.
+  // The number of samples whose counter, or without a counter whose time, equals the value in the previous sample.
   std::uint64_t repeated() const noexcept { return repeated_; }
   // Samples whose counter or time goes back: a restart of the device, or reordering.
   std::uint64_t back() const noexcept { return back_; }

@@ -1,4 +1,4 @@
-// TextOutput: writes buffered text to a file or to standard output. That the reader closes its end is no error.
+// TextOutput: writes buffered text to a file or to standard output. A closed pipe is no error.
 #pragma once
 
 #include <string>
@@ -18,7 +18,7 @@ class TextOutput {
   // Writes the buffer out. Waits for a slow reader; after stop_requested() for a second at most.
   void flush();
 
-  // Returns true if people read it as it is written.
+  // Returns true if people read the output while it is written.
   bool is_terminal() const noexcept;
   // Returns false after the reader has closed its end, or a write has failed: nothing more is written.
   bool is_open() const noexcept { return error_ == 0; }

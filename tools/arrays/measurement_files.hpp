@@ -24,7 +24,7 @@ class MeasurementFiles {
     std::vector<std::string> truth;  // record, or configuration and capture; empty: no truth beside the measurements
     std::string imu;                 // of that configuration; empty: the first with the protocol
   };
-  // `options` stays where it is until the command line has been parsed.
+  // `options` must not be moved until the command line has been parsed.
   static void add_options(CLI::App& app, Options& options);
 
   // Opens the files, and adds them and the further inputs to `in_use`. `port`: the text of the input. Throws
@@ -32,10 +32,10 @@ class MeasurementFiles {
   MeasurementFiles(const Options& options, const Protocol& protocol, const std::string& port, FilesInUse& in_use);
 
   void write(const Measurement& measurement);
-  // Makes the files whole, at most once a second.
+  // Writes all rows so that the files are complete, at most once a second.
   void flush();
-  // Ends the files. Returns the missing part of the truth; empty if none is. Throws std::runtime_error, which names
-  // the first file that could not be written, or as TruthBeside::finish() does.
+  // Ends the files. Returns a text about the missing part of the truth; empty if no truth is missing. Throws
+  // std::runtime_error, which names the first file that could not be written, or as TruthBeside::finish() does.
   std::string finish();
 
  private:

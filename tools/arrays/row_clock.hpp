@@ -14,9 +14,10 @@ class RowClock {
   // `rate_hz`: row k is at k/rate_hz if its measurement carries no time; nullopt: such a row has no time.
   explicit RowClock(std::optional<double> rate_hz) : rate_hz_(rate_hz) {}
 
-  // Returns the time of the next measurement in ns, from 0; nullopt, which is counted: it has none.
+  // Returns the time of the next measurement in ns, from 0; nullopt if the measurement has no time, or a negative
+  // one.
   std::optional<std::uint64_t> next(const MeasurementRow& row) noexcept;
-  // Returns the fault of measurements so far that had no time, and the remedy; empty: there is none.
+  // Returns the fault if next() has returned nullopt, with the number of these measurements; empty otherwise.
   std::string fault() const;
 
  private:

@@ -20,14 +20,14 @@ class RowOutput {
  public:
   virtual ~RowOutput() = default;
   virtual void write(const MeasurementRow& row) = 0;
-  // Brings all rows into the file, which is whole then. A format that cannot grow does nothing.
+  // Writes all rows to the file, which is then complete. Does nothing for a format that cannot grow.
   virtual void flush() = 0;
-  // Ends the file. Throws std::runtime_error, which names the file and the cause, if it or a row could not be
-  // written.
+  // Ends the file. Throws std::runtime_error, which names the file and the cause, if the end or an earlier row
+  // could not be written.
   virtual void finish() = 0;
 };
 
-// A writer is given this beside the rows.
+// Attributes of the file that a writer gets beside the rows.
 struct RowAttributes {
   std::vector<std::pair<std::string, std::string>> texts;  // by name; UTF-8
   std::optional<std::uint64_t> seed;
@@ -35,7 +35,7 @@ struct RowAttributes {
   std::optional<double> rate_hz = {};  // of measurements without time
 };
 
-// A format of such files. The last lines of STEM.cpp here are the entry STEM_row_format, named "STEM".
+// A format of files of rows. The last lines of STEM.cpp here are the entry STEM_row_format, named "STEM".
 struct RowFormat {
   std::string_view name;
   std::string_view help;  // of its option --NAME
@@ -44,10 +44,10 @@ struct RowFormat {
 };
 
 std::span<const RowFormat* const> row_formats() noexcept;
-// Returns nullptr if there is none of that name.
+// Returns the format of that name; nullptr if there is none.
 const RowFormat* find_row_format(std::string_view name) noexcept;
 
-// RowFormat::make of a writer, which may do without attributes.
+// Implements RowFormat::make for a writer, whose constructor need not take attributes.
 template <typename Writer>
 std::unique_ptr<RowOutput> make_writer(std::string path, bool with_truth, const RowAttributes& attributes) {
   if constexpr (std::is_constructible_v<Writer, std::string, bool, const RowAttributes&>)

@@ -21,7 +21,8 @@ class TruthBeside {
     std::string config, capture;  // as for `imud replay`; a record is both
     std::string imu;              // name; empty: the first with the protocol
   };
-  // Throws as Replay does, std::invalid_argument if there is no such imu, and std::runtime_error if it sends nothing.
+  // Throws as Replay does, std::invalid_argument if there is no such imu, and std::runtime_error if the imu sends
+  // nothing.
   TruthBeside(const Options& options, const Protocol& protocol);
 
   // Returns the truth at the next measurement of the run with the same time and counter, as far as
@@ -29,14 +30,15 @@ class TruthBeside {
   // measurement. NaN if there is none.
   TrueValues at(const MeasurementRow& row);
 
-  // Call it after the last measurement. Returns a text if measurements have no truth, or an order without time and
-  // counter does not fit; otherwise an empty one. Throws std::runtime_error if no measurement is one of the run.
+  // Call it after the last measurement. Returns a message if measurements have no truth, or if the order of
+  // measurements without time and counter does not fit the run; otherwise an empty text. Throws std::runtime_error
+  // if no measurement belongs to the run.
   std::string finish() const;
 
   const Config& config() const noexcept { return config_; }
 
  private:
-  // The part of a measurement that tells it from others; each value is the one of none where it is not carried.
+  // The values that identify a measurement. A value that the protocol does not carry has its initial value here.
   struct Identity {
     std::int64_t time_ns = MeasurementRow::no_time;
     std::uint64_t counter = MeasurementRow::no_counter;

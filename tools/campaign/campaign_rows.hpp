@@ -19,21 +19,22 @@ class CampaignRows {
 
   const CampaignDescription& campaign() const noexcept { return folder_.campaign(); }
 
-  // Returns how many cases the campaign needs, and how its key `until` has ended it; "" if the plan has none.
+  // Returns the number of cases that the campaign needs, and how the key `until` has ended the campaign; "" if the
+  // plan has no such key.
   std::uint64_t cases() const noexcept { return stop_.cases(); }
   std::string until() const { return stop_.text(); }
 
-  // Calls `take` with each row of the whole shards that the campaign needs, in the order of the cases. The next shard
-  // is read meanwhile, by another thread. `progress` receives the share that is done, from 0 to 1.
+  // Calls `take` with each row of the whole shards that the campaign needs, in the order of the cases. Another
+  // thread reads the next shard meanwhile. `progress` receives the finished share, from 0 to 1.
   using Take = std::function<void(std::string_view row, std::uint64_t index)>;
   void read(const Take& take, const std::function<void(double)>& progress);
 
-  // Return what the last read() has found: a line for each shard that is not whole and for each range of cases
-  // without a shard, and the number of cases that are there.
+  // Return the findings of the last read(): a line for each incomplete shard and for each range of cases without a
+  // shard, and the number of cases that were read.
   const std::vector<std::string>& faults() const noexcept { return faults_; }
   std::uint64_t found() const noexcept { return found_; }
 
-  // Return the commands that run what is missing, and one case alone, for a shell.
+  // Return shell commands: to run the missing cases, and to run one case alone.
   std::string resume_command() const { return folder_.resume_command(); }
   std::string repeat_command(std::uint64_t index) const { return folder_.repeat_command(index); }
 

@@ -18,7 +18,7 @@ enum class CaseGroup : std::uint8_t { index, axis, end, expectation, digest, fig
 struct CaseColumn {
   CaseGroup group;
   std::string key;  // the path in its member of the row: "imu1.samples"
-  // A figure whose first value is an integer is a counter: the rows leave it out where it is 0.
+  // A figure whose first value is an integer is a counter. Rows omit a counter that is 0.
   enum class Kind : std::uint8_t { unknown, counter, other } kind = Kind::unknown;
   // Returns the name in the table: "imu1.samples", "expect.settles", "digest.imu1", "test.error_deg".
   std::string name() const;
@@ -34,7 +34,7 @@ struct CaseCell {
   std::optional<double> number() const noexcept;
 };
 
-// Holds one row at a time. Columns that are named for the first time are added, and stay.
+// Holds one row at a time. A column is added when a row names it for the first time, and is then kept.
 class CaseRow {
  public:
   // The columns that every row has.
@@ -67,7 +67,7 @@ class CaseRow {
   std::vector<CaseColumn> columns_;
   std::vector<CaseCell> cells_;
   std::unordered_map<std::string, std::size_t> known_;  // columns by group and key
-  // The column with which the row before began, the one that came after each column, and the one to expect now.
+  // The first column of the previous row, the successor of each column, and the column that is expected next.
   std::size_t first_ = 0;
   std::deque<std::size_t> next_;
   std::size_t* expected_ = &first_;

@@ -18,31 +18,33 @@ struct Moments {
   void add(double number) noexcept;
   // Returns the moments of so many zeros.
   static Moments zeros(std::uint64_t count) noexcept;
-  // Returns the standard deviation, of which the mean is an estimate too (n - 1); NaN of fewer than two.
+  // Returns the sample standard deviation (divisor n - 1); NaN for fewer than two numbers.
   double deviation() const noexcept;
 };
 
-// Returns the percentile, from 0 to 1, of sorted numbers: linear between the two nearest, of which the first is at 0
-// and the last at 1 (NumPy's default, and `inclusive` of Python's statistics.quantiles()). NaN if there are none.
+// Returns a percentile, given as a share from 0 to 1, of sorted numbers: linear between the two nearest numbers,
+// where the first number is at 0 and the last at 1 (NumPy's default, and `inclusive` of Python's
+// statistics.quantiles()). NaN if there are no numbers.
 double percentile(const std::vector<double>& sorted, double share) noexcept;
 
-// Returns the number that the whole text is; nullopt if it is none, or not finite.
+// Parses the whole text as a number; nullopt if the text is no number, or the number is not finite.
 std::optional<double> number_of(const std::string& text) noexcept;
 
-// The numbers of the cases for percentiles: all, until they take more than `bytes`; then the numbers of
-// cases that are chosen by a hash of their index, each with the same probability, whatever order they come in.
+// The numbers of the cases, for percentiles. All numbers are kept until they take more than `bytes`; then only the
+// numbers of some cases are kept. These cases are chosen by a hash of their index, each with the same probability,
+// in whatever order the cases come.
 class CaseSample {
  public:
   explicit CaseSample(std::size_t bytes) : bytes_(bytes) {}
 
   bool wants(std::uint64_t index) const noexcept;
-  // `at`: the number of the value of each axis. Absent numbers are NaN. Later cases may have more.
+  // `at`: for each axis, the index of the case's value. Absent numbers are NaN. Later cases may have more numbers.
   void add(std::uint64_t index, const std::vector<double>& numbers, const std::vector<std::uint32_t>& at);
 
   std::size_t size() const noexcept { return cases_.size(); }
   // Returns the number; `absent` if the case lacks it.
   double number(std::size_t row, std::size_t figure, double absent) const noexcept;
-  // Returns the number of the value of an axis; the greatest one if the case lacks it.
+  // Returns the index of the value of an axis; the greatest index if the case lacks the axis.
   std::uint32_t at(std::size_t row, std::size_t axis) const noexcept;
 
  private:

@@ -20,24 +20,24 @@ struct TableColumn {
 };
 
 // Returns the columns in the order of the table: case, seed, the axes, exit_code, ended_by, expectations, digests,
-// figures, metrics of the test, shortfalls, error; within a group as the cases name them first. A name that is there
-// already, without regard to case, gets a number: "seed_2".
+// figures, metrics of the test, shortfalls, error; within a group, in the order in which the cases first name
+// them. A name that is used already, upper or lower case aside, gets a number: "seed_2".
 std::vector<TableColumn> table_columns(const CaseRow& row);
 
-// A table that is being written. It takes the place of an older one when it is committed.
+// A table that is being written. commit() replaces an older table.
 class CaseTable {
  public:
   virtual ~CaseTable() = default;
-  // Begins; also again, from the first row, with more columns.
+  // Begins the table; a further call begins again, from the first row, with more columns.
   virtual void begin(std::span<const TableColumn> columns) = 0;
   virtual void write(const CaseRow& row) = 0;
   virtual void commit() = 0;
-  // Returns false for a stream, of which nothing can be written again.
+  // Returns false for a stream, which cannot be written again from its beginning.
   virtual bool can_begin_again() const noexcept { return true; }
 };
 
-// These throw std::runtime_error, which names the file, if it cannot be written.
-// CSV (RFC 4180) with a header. An absent value is an empty field, true and false are 1 and 0.
+// These functions throw std::runtime_error, which names the file, if the file cannot be written. CSV (RFC 4180)
+// with a header. An absent value is an empty field, true and false are 1 and 0.
 std::unique_ptr<CaseTable> csv_table(const std::string& path);
 // A JSON object for each case, in a line of its own; an absent value is null.
 std::unique_ptr<CaseTable> json_table(const std::string& path);

@@ -1,4 +1,4 @@
-// WholeFile: a file that takes its place when it is whole.
+// WholeFile: a file that replaces an older file when it is complete.
 #pragma once
 
 #include <optional>
@@ -17,7 +17,7 @@ class WholeFile {
   bool is_regular() const noexcept { return replacement_.has_value(); }
   // Returns the path at which to write.
   const std::string& path() const noexcept { return incomplete_; }
-  // Puts the file in its place. Throws std::runtime_error.
+  // Replaces the older file. Throws std::runtime_error.
   void commit();
 
  private:

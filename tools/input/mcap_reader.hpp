@@ -12,7 +12,8 @@
 
 namespace imud {
 
-// The fields of a record, one after another. After one that lies behind the end, has_ended() is true and all are 0.
+// Reads the fields of a record, one after another. After a read beyond the end of the record, has_ended() is true
+// and all values are 0.
 class McapFields {
  public:
   explicit McapFields(std::string_view bytes) : rest_(bytes) {}
@@ -36,7 +37,7 @@ class McapFields {
 };
 
 // The Common Data Representation of a ROS 2 message (DDS-XTypes 7.4.3.4, XCDR1): four bytes of encapsulation, then
-// values at multiples of their size. After one that lies behind the end, is_good() is false and all are 0.
+// values at multiples of their size. After a read beyond the end, is_good() is false and all values are 0.
 class CdrFields {
  public:
   explicit CdrFields(std::string_view bytes);
@@ -70,9 +71,9 @@ class McapReader {
   };
   virtual ~McapReader() = default;
   void read(std::span<const std::byte> bytes);
-  // Call it after the last byte. Returns the size of the record that was cut short; 0: none was.
+  // Call it after the last byte. Returns the size of the record that was cut short; 0: no record was.
   std::size_t end() const;
-  // Returns what was damaged since the last call.
+  // Returns the numbers of damaged records since the last call.
   Damage take_damage() noexcept { return std::exchange(damage_, {}); }
 
  protected:

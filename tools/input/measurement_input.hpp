@@ -35,7 +35,8 @@ void add_input_options(CLI::App& app, DecodeOptions& options);
 std::string known_protocols();
 std::string known_ports();
 
-// Returns the protocol. Throws std::invalid_argument if there is none of that name, or if the port does not carry it.
+// Returns the protocol. Throws std::invalid_argument if there is no protocol of that name, or if the port cannot
+// carry the protocol.
 const Protocol& protocol_for(const DecodeOptions& options);
 
 // Receives the measurements of receive_all().
@@ -43,9 +44,9 @@ class MeasurementReceiver : public MeasurementSink {
  public:
   // Called before the measurements that arrived together. `arrival`: see StreamStatistics::add().
   virtual void set_arrival(std::optional<HostTime> arrival) = 0;
-  // Returns true if it has as many samples as wanted.
+  // Returns true if the receiver has as many samples as it wants.
   virtual bool is_full() const = 0;
-  // Returns false if nothing that it receives is of use any more.
+  // Returns false if the receiver has no use for further measurements.
   virtual bool is_open() const { return true; }
   // Called before the program waits for input.
   virtual void flush() {}
@@ -54,9 +55,9 @@ class MeasurementReceiver : public MeasurementSink {
   ~MeasurementReceiver() = default;
 };
 
-// Decodes the port's input until it ends, the time or the number of samples is reached, the receiver is not open any
-// more, or a signal comes; returns which: "end of input", "time", "count", "closed output", "signal". Reports on
-// standard error when the device is lost, and when it is back.
+// Decodes the port's input until it ends, the time or the number of samples is reached, the receiver is not open
+// any more, or a signal comes; returns which: "end of input", "time", "count", "closed output", "signal". Reports
+// on standard error when the device is lost, and when the device is back.
 std::string_view receive_all(Port& port, Decoder& decoder, MeasurementReceiver& receiver,
                              const DecodeOptions& options);
 

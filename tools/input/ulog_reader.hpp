@@ -28,12 +28,13 @@ struct UlogFormat {
   std::size_t size = 0;
 };
 
-// A message of a topic. It refers to the reader's memory, until the call that it is an argument of returns.
+// A message of a topic. A message refers to the reader's memory, and is valid until the call that it is an
+// argument of returns.
 struct UlogMessage {
   const UlogFormat& format;
   std::string_view body;  // at least format.size
 
-  // Returns a field of one number of that size; nullopt if there is none.
+  // Returns a field that is one number of that size; nullopt if there is no such field.
   template <typename T>
   std::optional<T> number(std::string_view name) const {
     const UlogFormat::Field* field = format.find(name);
@@ -54,17 +55,18 @@ class UlogReader {
  public:
   virtual ~UlogReader() = default;
   void read(std::span<const std::byte> bytes);
-  // Call it after the last byte. Returns the size of the message that was cut short; 0: none was.
+  // Call it after the last byte. Returns the size of the message that was cut short; 0: no message was.
   std::size_t end() const;
   // Returns how many messages were malformed since the last call.
   std::uint64_t take_malformed() noexcept { return std::exchange(malformed_, 0); }
 
  protected:
   [[noreturn]] static void refuse(const std::string& fault);
-  // Returns the format of that name with the places of its fields, or nullptr, and counts it as malformed, if it or
-  // one in it is unknown.
+  // Returns the format of that name with the places of its fields. If this format or a format nested in it is
+  // unknown, counts it as malformed and returns nullptr.
   const UlogFormat* format(std::string_view name);
-  // Returns the message, padded to its size, or nullopt, and counts it as malformed, if it is too short.
+  // Returns the message, padded to its size. If the message is too short, counts it as malformed and returns
+  // nullopt.
   std::optional<UlogMessage> message(const UlogFormat& format, std::string_view body);
   void count_malformed() noexcept { ++malformed_; }
 

@@ -1,4 +1,5 @@
-// EmulatedRun: the sensor of a configuration on a captured truth, as its bytes have it, with and without its errors.
+// EmulatedRun: the output of a configured sensor on a captured truth, decoded from the sensor's bytes, with and
+// without its errors.
 #pragma once
 
 #include <cstdint>
@@ -24,7 +25,8 @@ class EmulatedRun {
     bool is_truth_filtered = false;      // the truth passes the sensor's own filters, and is as late as its values
   };
 
-  // Reads the configuration. Throws as Replay does, and std::invalid_argument if it has no such imu.
+  // Reads the configuration. Throws as Replay does, and std::invalid_argument if the configuration has no such
+  // imu.
   explicit EmulatedRun(Options options);
 
   const std::string& name() const noexcept { return config_.imus.front().name; }

@@ -1,4 +1,4 @@
-// RunErrors: the channels of an emulated run beside its truth, their errors, and what errors other seeds have.
+// RunErrors: the channels of an emulated run beside its truth, their errors, and the errors with other seeds.
 #pragma once
 
 #include <cstddef>

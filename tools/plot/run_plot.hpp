@@ -14,8 +14,9 @@ std::string samples_csv(const RunErrors& run);
 std::string spectrum_csv(const RunErrors& run);
 inline constexpr std::size_t most_rows = 4000;
 
-// Returns gnuplot's commands that draw these data, which stand at the two paths, to `picture`: a row for each
-// channel, with the truth over the measurement, the error with its one-sigma envelope, and the error's spectrum.
+// Returns gnuplot's commands that draw these data, in the files at the two paths, to the file `picture`: a row for
+// each channel, with the truth over the measurement, the error with its one-sigma envelope, and the error's
+// spectrum.
 std::string run_plot_commands(const RunErrors& run, const std::string& samples_path, const std::string& spectrum_path,
                               const std::string& picture);
 

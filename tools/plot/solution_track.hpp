@@ -13,8 +13,8 @@
 namespace imud {
 
 struct SolutionTrack {
-  // Values, truth, errors and standard deviations are NaN where the unit or the truth has none; errors of the
-  // attitude, while it may be anything.
+  // Values, truth, errors and standard deviations are NaN where the unit or the truth has none. Errors of the
+  // attitude are also NaN while the attitude is arbitrary.
   struct Channel {
     std::string_view name;        // "roll"
     std::string_view error_name;  // of the error: "about_north", as a rotation has an axis
@@ -24,7 +24,7 @@ struct SolutionTrack {
   std::array<Channel, 9> channels;
   std::vector<double> time_s = {};
   std::vector<double> fix_age_s = {};  // NaN without a place
-  // The sum of the nine squares of the errors in units of their variances, over nine: about 1 where the reported
+  // The mean of the nine squared errors, each divided by its reported variance: about 1 where the reported
   // standard deviations are right.
   std::vector<double> normalized_square = {};
   // The aids that the unit has, by their bits: 1 where it was used when it was due last, -1 where it was rejected, 0
@@ -38,15 +38,16 @@ struct SolutionTrack {
   std::size_t samples() const noexcept { return time_s.size(); }
 };
 
-// Positions are relative to the first true place, along north, east and down there; times to the first sample. Throws
-// std::runtime_error if the two have different samples, or if no row is of a filter.
+// Positions are relative to the first true place, along north, east and down at this place; times are relative to
+// the first sample. Throws std::runtime_error if solution and truth have different samples, or if no row comes
+// from a filter.
 SolutionTrack compare_solutions(std::span<const SolutionRow> rows, std::span<const SolutionRow> truth);
 
 // Returns the data as CSV with a header: of at most `most_rows` samples at equal distances.
 std::string track_csv(const SolutionTrack& track);
-// Returns gnuplot's commands that draw these data, which stand at `path`, to `picture`: a row for each channel, with
-// the truth over the value and the error over the band of its standard deviation; below, the squares of the errors in
-// units of the variance, and the age of the last fix that was used.
+// Returns gnuplot's commands that draw these data, in the file at `path`, to the file `picture`: a row for each
+// channel, with the truth over the value and the error over the band of its standard deviation; below, the squares
+// of the errors in units of the variance, and the age of the last fix that was used.
 std::string track_plot_commands(const SolutionTrack& track, const std::string& path, const std::string& picture);
 
 }  // namespace imud

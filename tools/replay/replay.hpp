@@ -15,7 +15,8 @@
 
 namespace imud {
 
-// Only this part of the tools runs an engine. No port of the configuration is opened but the capture.
+// This is the only part of the tools that runs an engine. Only the capture is opened, and no port of the
+// configuration.
 class Replay {
  public:
   // Reads the configuration as `imud replay CONFIG CAPTURE --fast` does, with these overrides KEY=VALUE, and without
@@ -30,7 +31,7 @@ class Replay {
   // (stop_requested()).
   std::vector<std::string> run(const Config& config, const Ports& ports,
                                const std::function<void(std::size_t imu)>& awaits_truth = nullptr);
-  // The same for truth_of_run() and made_rows().
+  // The same run for truth_of_run() and made_rows().
   TwinRun with_twins();
 
  private:

@@ -27,8 +27,8 @@ class CapturedTruths {
     GravitationModel gravitation = {};    // to derive motion from poses, where the format lacks it
   };
 
-  // Throws std::invalid_argument or PortError, or of a log std::runtime_error, which names
-  // the fault and the remedy.
+  // Throws std::invalid_argument or PortError, or for a log std::runtime_error; the error names the fault and the
+  // remedy.
   explicit CapturedTruths(const Options& options);
 
   // Returns the next truth of the vehicle, in the order of the capture; nullopt at its end, or after
@@ -37,12 +37,12 @@ class CapturedTruths {
 
   // Returns how much of the capture has been read, from 0 to 1; 0 if it is not known.
   double progress() const noexcept;
-  // Returns what was refused, by cause, such as "3 crc, 1 short"; empty if nothing was.
+  // Returns the number of refused truths by cause, such as "3 crc, 1 short"; empty if none was refused.
   std::string refused() const;
   std::uint64_t of_other_vehicles() const { return of_other_vehicles_; }
   // Describes the end of a damaged capture, and truncated datagrams; empty if there is nothing to report.
   std::string damage() const;
-  // Describes what of a log was read; empty: it is none.
+  // Describes which part of a log was read; empty if the capture is no log.
   std::string note() const { return log_ ? log_->log().note : std::string(); }
 
  private:
@@ -61,7 +61,7 @@ class CapturedTruths {
   std::unique_ptr<TruthDecoder> decoder_;
   std::unique_ptr<Port> port_;
   std::unique_ptr<Derivation> derivation_;  // null if the format derives nothing
-  bool has_ended_ = false;                  // the capture has; the decoder may still have its last record
+  bool has_ended_ = false;                  // the capture has ended; the decoder may still hold its last record
   TruthInput input_ = TruthInput::datagram;
   std::uint64_t streams_ = 0;  // PortCounters::lost_count
   std::optional<std::uint32_t> stream_;

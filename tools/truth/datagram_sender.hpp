@@ -24,7 +24,7 @@ class DatagramSender {
   struct Counters {
     std::uint64_t sent = 0;  // datagrams that the kernel accepted, faulty ones included
     std::uint64_t bytes = 0;
-    std::uint64_t refused = 0;  // datagrams that it did not accept
+    std::uint64_t refused = 0;  // datagrams that the kernel did not accept
     std::uint64_t dropped = 0;  // faults made on purpose, as are the next three
     std::uint64_t duplicated = 0;
     std::uint64_t reordered = 0;
@@ -37,8 +37,8 @@ class DatagramSender {
 
   // Waits until `due` if it is given, and for the fault's jitter, then sends `datagram`.
   void send(std::span<const std::byte> datagram, std::optional<HostTime> due);
-  // Sends as send() does, and waits for the acknowledgement of `sequence`; sends again when none comes in time.
-  // Returns nullopt if no attempt was answered, or stop_requested().
+  // Sends like send(), and waits for the acknowledgement of `sequence`; sends the datagram again if no
+  // acknowledgement comes in time. Returns nullopt if no attempt was answered, or stop_requested().
   std::optional<NativeAcknowledgement> send_and_wait(std::span<const std::byte> datagram, std::optional<HostTime> due,
                                                      std::uint32_t stream, std::uint32_t sequence);
   // Sends the datagram that is held back for reordering, if there is one.

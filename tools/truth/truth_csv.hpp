@@ -24,8 +24,8 @@ unsigned parts_of(const Truth& truth);
 // Returns the header row, with its LF.
 std::string truth_csv_header(unsigned parts = TruthParts::motion);
 
-// Returns a row with these parts, with its LF; `truth` must have them. Each double has the shortest text that is read
-// back as the same double.
+// Returns a row with these parts, with its LF. Requires that `truth` has these parts. Each double has the shortest
+// text that is read back as the same double.
 std::string truth_csv_row(const Truth& truth, unsigned parts = TruthParts::motion);
 
 }  // namespace imud

@@ -16,7 +16,7 @@ namespace imud {
 
 // The states of a log, in the order of their times if the log has them so.
 struct LoggedStates {
-  // In the axes below: N's and the body's.
+  // The components are in the axes that are given below, for N and for the body.
   struct State {
     std::int64_t time_ns;
     Quaternion q_NB;  // need not be one of a rotation
@@ -28,7 +28,7 @@ struct LoggedStates {
   TruthAssembly::Axes axes;
   bool has_velocity = false, has_rate = false;
   std::uint64_t without_position = 0;  // attitudes that are left out, as the log has no position near their time
-  std::string note;                    // which of its topics was read
+  std::string note;                    // which of the log's topics was read
   std::string damage;                  // empty: none
 };
 
@@ -42,7 +42,7 @@ struct TruthLog {
 };
 
 std::span<const TruthLog* const> truth_logs() noexcept;
-// Return nullptr if there is none.
+// Return the log format; nullptr if there is none.
 const TruthLog* find_truth_log(std::string_view name) noexcept;
 const TruthLog* truth_log_of_file(std::string_view path) noexcept;
 
@@ -50,10 +50,10 @@ const TruthLog* truth_log_of_file(std::string_view path) noexcept;
 class LoggedTruths {
  public:
   explicit LoggedTruths(LoggedStates states);
-  // Returns ok, or why the next state was refused; nullopt at the end.
+  // Makes the truth of the next state. Returns ok, or why the state was refused; nullopt at the end.
   std::optional<TruthResult> next(Truth& truth);
   const LoggedStates& log() const noexcept { return log_; }
-  // Returns how many of the states are made, from 0 to 1.
+  // Returns the share of the states that were made into truths, from 0 to 1.
   double progress() const noexcept { return static_cast<double>(next_) / static_cast<double>(log_.states.size()); }
 
  private:
