@@ -7,7 +7,7 @@
 namespace imud {
 namespace {
 
-// Returns the path in a port's text; empty if its transport has none, or if it is a standard stream.
+// Returns the path in a port's text; empty if the transport has no path, or if the port is a standard stream.
 std::string path_in(const std::string& port) {
   const Transport* transport = transport_of(port);
   if (transport == nullptr || !transport->has_path) return {};

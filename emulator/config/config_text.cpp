@@ -29,8 +29,8 @@ std::string sha256(const std::string& bytes) {
 
 namespace {
 
-// Returns the file's content, or the configuration in a record. Throws std::system_error, or
-// std::invalid_argument if the record has none.
+// Returns the file's content, or the configuration in a record. Throws std::system_error, or std::invalid_argument
+// if the record contains no configuration.
 std::string read_file(const std::string& path) {
   if (auto config = recorded_config(path)) {
     if (config->empty()) throw std::invalid_argument("is not in this record; give that of its run");
@@ -40,7 +40,8 @@ std::string read_file(const std::string& path) {
   return read_whole(path);
 }
 
-// Returns the fault of a word without quotes where TOML has a value, at line and column; empty if there is none.
+// Returns the fault if there is a word without quotes at line and column, where TOML requires a value; otherwise
+// an empty text.
 std::string bare_word(std::string_view content, std::uint32_t line, std::uint32_t column) {
   for (; line > 1 && !content.empty(); --line)
     content.remove_prefix(std::min(content.find('\n'), content.size() - 1) + 1);
@@ -57,7 +58,7 @@ std::string bare_word(std::string_view content, std::uint32_t line, std::uint32_
   return fmt::format("column {}: {} is not a value of TOML; put text in quotes: \"{}\"", begin + 1, word, word);
 }
 
-// Replaces a line by blanks; returns false if it has nothing else or does not exist.
+// Replaces a line by blanks. Returns false if the line is blank already or does not exist.
 bool clear_line(std::string& content, std::uint32_t line) {
   std::size_t begin = 0;
   for (; line > 1 && begin < content.size(); --line)
@@ -70,7 +71,7 @@ bool clear_line(std::string& content, std::uint32_t line) {
   return had_text;
 }
 
-// Returns words for people for a text that has no end in its line; empty for another error.
+// Returns words for people for the error of a text without a closing quote in its line; empty for another error.
 std::string open_text(const std::string& content, const toml::parse_error& error) {
   const auto& [line, column] = error.source().begin;
   std::size_t begin = 0;
@@ -82,8 +83,9 @@ std::string open_text(const std::string& content, const toml::parse_error& error
   return fmt::format("a text is not closed: a quotation mark is missing before the end of the line: {}", text);
 }
 
-// Adds a fault for each error of syntax: the text is read again without the line of the error before, from which a
-// later one may follow. Ends with an error in a line without text, such as a bracket that is missing at the end.
+// Adds a fault for each error of syntax. After an error the text is read again without the line of the error,
+// because this line may cause later errors. Ends at an error in a line without text, such as a missing bracket at
+// the end.
 void add_syntax_faults(std::string content, Faults& faults) {
   constexpr int most = 20;
   std::uint32_t first = 0;
@@ -105,13 +107,13 @@ void add_syntax_faults(std::string content, Faults& faults) {
   }
 }
 
-// The items of an array that the first step of a path chooses, and the path below them.
+// The items of an array that the first step of a path selects, and the rest of the path.
 struct Chosen {
   std::vector<toml::node*> items;
   std::string_view below;
 };
 
-// By number, by name, or by * all of them. A name may have dots in it.
+// Selects items by number, by name, or all items by *. A name may contain dots.
 Chosen choose(toml::array& array, std::string_view path) {
   const std::size_t dot = path.find('.');
   Chosen chosen{{}, dot == path.npos ? std::string_view() : path.substr(dot + 1)};
@@ -129,7 +131,7 @@ Chosen choose(toml::array& array, std::string_view path) {
   return chosen;
 }
 
-// Sets the key that `path` names below `at`. Returns the fault; empty if it is set.
+// Sets the key that `path` names below `at`. Returns the fault; empty if the key was set.
 std::string set_key(toml::node& at, std::string_view path, const toml::node& value) {
   if (auto* array = at.as_array()) {
     const Chosen chosen = choose(*array, path);

@@ -14,7 +14,7 @@ using Kind = TruthFrame::Kind;
 
 constexpr std::string_view automatic = "auto";
 
-// Adds a fault if the frame is one that the truth cannot have.
+// Adds a fault if the truth cannot have this frame.
 void check_frame(TableReader& table, EarthFrame frame, const TruthConfig& truth) {
   if (truth.format == nullptr) return;
   const bool is_centred = truth.frame.kind == Kind::earth || truth.frame.kind == Kind::inertial;
@@ -66,7 +66,7 @@ EarthModel read_earth(TableReader table, TruthConfig& truth) {
   if (earth.frame != EarthFrame::none && decimal_year(earth.start_gps_ns) > igrf14_end)
     table.warn("start", fmt::format("IGRF-14 ends in {}; the magnetic field is extrapolated", igrf14_end));
   const bool is_inertial = earth.frame == EarthFrame::inertial;
-  // An absent key of another frame has no value.
+  // A key that belongs to another frame has no value if it is absent.
   const auto number = [&](const std::string& key, bool fits, std::string_view needs, double min, double max) {
     if (!fits && !table.has(key)) return 0.0;
     const double value = table.real(key, 0.0, min, max);

@@ -1,4 +1,4 @@
-// The surroundings of a sensor in a configuration.
+// Reads the keys of a sensor's surroundings: vibration, temperature, instants, clock.
 #include <algorithm>
 #include <utility>
 
@@ -120,7 +120,7 @@ VibrationModel read_vibration(TableReader table) {
 }
 
 void read_instants(TableReader& table, ImuConfig& imu) {
-  constexpr double largest = 0.9;  // of the period, so that samples stay in order with any clock error
+  constexpr double largest = 0.9;  // share of the period, so that samples stay in order with any clock error
   const double jitter_us = table.real("sampling_jitter_us", 0, 0, 1e9);
   const double most_us = largest * 1e6 * seconds(imu.grid.period());
   imu.model.sampling_jitter = nanoseconds(1e-6 * jitter_us);

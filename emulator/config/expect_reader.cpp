@@ -13,7 +13,7 @@ namespace {
 
 constexpr std::size_t longest = 256;
 
-// Returns nothing if the text is not hexadecimal.
+// Parses hexadecimal bytes. Returns nullopt if the text is empty or not hexadecimal.
 std::optional<HostBytes> bytes_of_hex(std::string text) {
   std::erase(text, ' ');
   if (text.empty()) return std::nullopt;

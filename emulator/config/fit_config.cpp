@@ -87,7 +87,7 @@ void read_fit(TableReader& table, ClockMode clock, TruthConfig& truth) {
   fit.specific_force = source_of("specific_force", force.value_or(Source::given));
   truth.ignores_force = !force;
   const bool derives = fit.rate != Source::given || fit.specific_force != Source::given;
-  // The choice uses truths of a second ahead, which costs a capture nothing.
+  // The choice uses the truths of the next second, which are available at once in a capture.
   const bool is_chosen_by_default =
       derives && is_capture(truth.port) && !was_recorded_without(truth.port, "\nfit_delay_ms = \"auto\"");
   if (is_text(table, "fit_delay_ms") || (!table.has("fit_delay_ms") && is_chosen_by_default)) {

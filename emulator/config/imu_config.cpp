@@ -47,7 +47,7 @@ bool has_option(const std::string& port, std::string_view key) {
   }
 }
 
-// Applies pace = "line" to a valid port. settings.uart must be set.
+// Applies pace = "line" to a valid port. Requires that settings.uart is set.
 void pace_line(TableReader& table, const Transport& transport, const std::string& port, PortSettings& settings) {
   if (transport.uart == Uart::real) return;
   if (transport.uart == Uart::none) {
@@ -65,8 +65,8 @@ void pace_line(TableReader& table, const Transport& transport, const std::string
   }
 }
 
-// Checks the port of the device that `key` names, and applies `pace`. settings.uart must be set. Returns nullptr and
-// adds a fault if the port is not valid.
+// Checks the port of the device that `key` names, and applies `pace`. Requires that settings.uart is set. Returns
+// nullptr and adds a fault if the port is not valid.
 const Transport* check_device_port(TableReader& table, std::string_view key, const std::string& port,
                                    PortSettings& settings) {
   const bool paced = table.choice<bool>("pace", {{false, "none"}, {true, "line"}}, false);
@@ -85,8 +85,8 @@ const Transport* check_device_port(TableReader& table, std::string_view key, con
   return transport;
 }
 
-// Reads `second_port`. imu.second_port_settings.uart must be set. Returns nullptr if there is none, or if it is not
-// valid.
+// Reads `second_port`. Requires that imu.second_port_settings.uart is set. Returns nullptr if there is no second
+// port, or if the port is not valid.
 const Transport* read_second_port(TableReader& table, ImuConfig& imu) {
   if (!table.has("second_port")) return nullptr;
   imu.second_port = table.text("second_port", "");
@@ -106,7 +106,8 @@ const Transport* read_second_port(TableReader& table, ImuConfig& imu) {
   return transport;
 }
 
-// Reads `also`, the ports that carry the bytes of `port`, whose settings must be read.
+// Reads `also`, the ports that also carry the bytes of `port`. Requires that the settings of `port` have been
+// read.
 void read_also(TableReader& table, ImuConfig& imu) {
   const toml::node* node = table.node("also");
   if (node == nullptr) return;
@@ -164,7 +165,7 @@ void fit(TriadErrors& errors, const TriadErrors& product, bool is_own) {
   errors.increment_lsb = product.increment_lsb;
 }
 
-// Reads `device_filters`. Returns the filters of the product's settings if they act.
+// Reads `device_filters`. Returns the filters that the product's settings select, if the key enables them.
 std::optional<SensorFilters> read_device_filters(TableReader& table, const Preset* preset, ImuConfig& imu) {
   std::optional<SensorFilters> filters;
   if (imu.protocol != nullptr) filters = imu.protocol->make(imu.settings)->filters();
@@ -263,7 +264,8 @@ void read_errors(TableReader& table, const std::optional<Product>& product, ImuC
   set_device_filter(table.child("magnetometer"), filters->magnetometer, imu.model.magnetometer);
 }
 
-// Adds the fault that a protocol has found in its settings: of the setting with whose key the text begins.
+// Adds the fault that a protocol has found in its settings. The text of the fault begins with the key of the
+// setting.
 void fault_of_settings(TableReader& table, TableReader& device, std::span<const Setting> settings,
                        std::string_view text) {
   for (const Setting& setting : settings)

@@ -16,7 +16,7 @@ bool reaches(const std::string& port, const std::string& listener) {
   try {
     return transport->reaches(PortSpec::parse(port), PortSpec::parse(listener));
   } catch (const PortError&) {
-    return false;  // which is a fault already
+    return false;  // this is a fault already
   }
 }
 
@@ -58,7 +58,7 @@ class Together {
     if (imu.protocol != nullptr && imu.protocol->link == Link::can) add_identifiers(imu);
   }
 
-  // Called when all imus were added, and are valid.
+  // Call it after all imus have been added. Requires that they are valid.
   void check_buses(const std::vector<ImuConfig>& imus) {
     for (const BusLoad& bus : bus_loads(imus)) {
       if (bus.imus.size() < 2) continue;
@@ -145,7 +145,7 @@ class Together {
     std::size_t imu;
   };
   std::map<BusIdentifier, std::size_t> identifiers_;  // that an imu sends
-  std::vector<Identifier> received_;                  // that an imu receives and no mask widens
+  std::vector<Identifier> received_;                  // identifiers that an imu receives without a mask
 };
 
 }  // namespace

@@ -54,7 +54,7 @@ void make_typical(const ImuConfig& imu, std::uint8_t uart, Nanoseconds end, Take
   }
 }
 
-// Counts the frames of a second, or of ten samples if these take longer.
+// Counts the frames of one second, or of ten samples if ten samples take longer.
 std::vector<SentFrames> sent_by_product(const ImuConfig& imu, std::uint8_t uart) {
   std::vector<SentFrames> all;
   const auto counted = std::chrono::seconds(std::max<std::int64_t>(1, std::llround(10 / imu.rate_hz)));
@@ -85,7 +85,7 @@ std::vector<Typical> typical_frames(const Transport& transport, const PortSpec& 
   return all;
 }
 
-// Counts the frames of the second sample; the first may have more, such as a header row.
+// Counts the frames of the second sample; the first sample may have more frames, such as a header row.
 std::vector<SentFrames> sent_by_sample(const ImuConfig& imu) {
   const auto frames = std::make_unique<FrameBuffer>();
   const std::unique_ptr<Device> device = imu.protocol->make(imu.settings);
@@ -98,8 +98,8 @@ std::vector<SentFrames> sent_by_sample(const ImuConfig& imu) {
   return all;
 }
 
-// Returns a typical sample whose place is known. Each number that follows from the place has another value without
-// it.
+// Returns a typical sample whose place is known. Each number that depends on the place differs from its value in a
+// sample without a place.
 Sample sample_at_place() {
   Sample sample = typical_sample();
   sample.q_LP = exp(Vector3(0.3, -0.4, 0.5));
@@ -115,7 +115,7 @@ Sample sample_at_place() {
   return sample;
 }
 
-// Returns true if a message of the description, whenever it is sent, or an answer may have such a number.
+// Returns true if an answer or any message of the description, whenever it is sent, may have such a number.
 bool carries_place(const FrameDescription& description) {
   if (FrameRequests(description).needs_samples()) return true;
   const Sample without = typical_sample(), at_place = sample_at_place();
@@ -183,7 +183,7 @@ bool carries_status(const ImuConfig& imu, std::uint32_t bits) {
 }
 
 bool carries_stamp(const ImuConfig& imu) {
-  // A product that is given the time by its host may have none in typical samples.
+  // A product whose host sets its time may have no time in typical samples.
   if (imu.protocol->product != nullptr && imu.protocol->resolution.time_s > 0) return true;
   const auto bytes_of = [&](std::int32_t stamp_error_ns) {
     std::vector<std::byte> bytes;
@@ -220,7 +220,7 @@ std::vector<SentFrames> sent_frames(const ImuConfig& imu, std::uint8_t uart) {
 
 namespace {
 
-// `spec`: of the port, or one with the bit rate of its bus.
+// `spec`: the spec of the port, or a spec with the bit rate of the port's bus.
 LineLoad load_on(const PortSpec& spec, const ImuConfig& imu, std::uint8_t uart) {
   const PortSettings& settings = uart == 0 ? imu.port_settings : imu.second_port_settings;
   const Transport& transport = *find_transport(spec.scheme);

@@ -17,7 +17,7 @@
 namespace imud {
 namespace {
 
-// Returns {key = "text"} as "key=text", the form in a list. A number counts as its text.
+// Returns {key = "text"} as "key=text", the form in a list. A number is converted to its text.
 std::vector<std::string> texts_of(const toml::table& table) {
   const std::invalid_argument fault("give a list of texts, or a table of texts such as {time_s = \"t\"}");
   if (table.empty()) throw fault;
@@ -206,7 +206,7 @@ TruthConfig read_truth(TableReader table, ClockMode clock, const std::string& ca
   }
   if (table.has("stream"))
     truth.stream = static_cast<std::uint32_t>(table.unsigned_integer("stream", 0, 0xFFFF'FFFFU));
-  // Left out, the delay is automatic where live truth is sampled by the host's clock.
+  // If the key is absent, the delay is automatic where live truth is sampled by the host's clock.
   const bool is_default =
       !table.has("delay_ms") && clock == ClockMode::realtime && transport != nullptr && !is_capture(truth.port);
   const bool is_automatic = is_default || is_text(table, "delay_ms");
@@ -250,7 +250,8 @@ RealtimeConfig read_realtime(TableReader table) {
   return realtime;
 }
 
-// `is_sparing`: without a client a run has no stage for faults, which costs memory and, in "fast", time.
+// `is_sparing`: a run without a client has no stage for faults, because the stage takes memory and, in "fast",
+// time.
 ControlConfig read_control(TableReader table, bool has_page, bool is_sparing) {
   ControlConfig control;
   control.name = table.text("name", control.name);
@@ -277,7 +278,7 @@ ControlConfig read_control(TableReader table, bool has_page, bool is_sparing) {
   return control;
 }
 
-// `path`: of the file; - if there is none.
+// `path`: the path of the file; - if there is no file.
 Config read_config(ConfigText text, const std::string& path, const std::string& capture,
                    std::span<const std::string> scenarios, Faults faults) {
   const toml::table& root = text.root;
@@ -314,7 +315,7 @@ Config read_config(ConfigText text, const std::string& path, const std::string& 
       ImuConfig& read = config.imus.emplace_back(read_imu(reader, i, config.truth));
       read.model.earth = config.truth.earth;
       if (config.truth.earth.frame == EarthModel::Frame::automatic && !carries_place(read) && !read.navigator.is_on)
-        read.model.earth.frame = EarthModel::Frame::none;  // nobody sees it, and it takes time
+        read.model.earth.frame = EarthModel::Frame::none;  // no output depends on the frame, and it takes time
       read.model.r_SB_B -= config.truth.r_RB_B;            // core's B has its origin at R
       const auto set_delivery = [&](PortSettings& port) {
         if (config.clock != ClockMode::realtime) port.delivery = Delivery::complete;

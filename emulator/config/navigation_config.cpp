@@ -43,7 +43,7 @@ void read_barometer(TableReader table, BarometerErrors& errors) {
 
 namespace {
 
-// Whether the truth has places on the Earth; nullopt: it is not known before the first truth.
+// Returns whether the truth has places on the Earth; nullopt if this is not known before the first truth.
 std::optional<bool> has_places(const TruthConfig& truth) {
   using Frame = EarthModel::Frame;
   using Kind = TruthFrame::Kind;
@@ -64,8 +64,8 @@ void check_places(TableReader& table, const std::optional<bool>& has_places) {
                 "earth.frame = \"local\" with latitude_deg and longitude_deg, or \"inertial\"");
 }
 
-// A filter levels by the specific force, in which gravity's reaction must be. Returns why it is
-// not; empty: it is.
+// A filter levels by the specific force, which must contain gravity's reaction. Returns why the specific force
+// does not contain it; empty if it does.
 std::string_view weightless(const TruthConfig& truth) {
   if (truth.ignores_force)
     return "the unit's filter levels by the specific force, which truth.specific_force = \"none\" leaves 0; give "
@@ -115,7 +115,7 @@ void read_navigator(TableReader& table, const TruthConfig& truth, ImuConfig& imu
   navigator.is_on = chosen.has_value();
   navigator.kind = chosen.value_or(NavigatorKind::inertial);
   const bool is_inertial = chosen == NavigatorKind::inertial, is_attitude = chosen == NavigatorKind::attitude;
-  // A key of a filter that is not chosen has no value where it is absent.
+  // An absent key of a filter that is not chosen has no value.
   const auto check = [&](const char* key, bool is_read, const char* needed) {
     if (!is_read) table.fault(key, fmt::format("needs solution = {}", needed));
   };
@@ -167,7 +167,7 @@ void read_navigator(TableReader& table, const TruthConfig& truth, ImuConfig& imu
     table.fault(errors.attitude.x() > 0 ? "roll_pitch_deg" : "heading_deg",
                 "the filter computes the attitude from the sensors; omit the key");
   constexpr double least = 0.01;  // m, m/s
-  constexpr double part = 0.1;    // of the correlated errors that counts as noise as well; chosen
+  constexpr double part = 0.1;    // share of the correlated errors that counts as noise as well; chosen
   const auto allow = [least, part](const Vector3& slow, const Vector3& white, Vector3& noise, Vector3& correlated) {
     if (slow.isZero(0.0) && white.isZero(0.0)) return;
     noise = ((part * slow).array().square() + white.array().square()).sqrt().max(least);
@@ -180,7 +180,7 @@ void read_navigator(TableReader& table, const TruthConfig& truth, ImuConfig& imu
   tune(navigator, model);
 }
 
-// The age at which an almanac is probably not the one that was meant; chosen.
+// The age above which an almanac is probably not the intended almanac; chosen.
 constexpr std::int64_t oldest_weeks = 13;
 
 void read_almanac(TableReader& table, const std::string& path, const TruthConfig& truth, GnssModel& gnss) {

@@ -10,7 +10,7 @@
 namespace imud {
 namespace {
 
-// Returns the fault of a unit of these settings in place of the imu's unit; empty: none.
+// Returns why a unit with these settings cannot replace the imu's unit; empty if it can.
 std::string objection(const ImuConfig& imu, const Settings& settings) {
   try {
     static_cast<void>(imu.protocol->make(settings));

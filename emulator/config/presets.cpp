@@ -17,14 +17,14 @@ namespace {
 
 constexpr std::string_view end_of_file = ".toml";
 
-// Returns a comment line of the text, without "# "; empty if that line is none.
+// Returns a comment line of the text, without "# "; empty if that line is no comment.
 std::string_view comment_line(std::string_view text, int number) noexcept {
   for (; number > 0; --number) text.remove_prefix(std::min(text.find('\n'), text.size() - 1) + 1);
   const std::string_view line = text.substr(0, text.find('\n'));
   return line.starts_with("# ") ? line.substr(2) : std::string_view();
 }
 
-// Returns the preset in a user's file; nullptr if it cannot be read.
+// Returns the preset in a user's file; nullptr if the file cannot be read.
 const Preset* preset_in_file(const std::string& path) {
   struct File {
     std::string text;
@@ -50,7 +50,7 @@ std::string model_in(TableReader& table, std::string_view own) {
   return model.ends_with(end_of_file) ? file_named(table, "model", model) : model;
 }
 
-// Returns how a table of a file, which may lack it, states its white noise.
+// Returns how a table of a file states its white noise. The file may lack the table.
 Sidedness sidedness_of(const toml::table* triad) {
   if (triad == nullptr) return Sidedness::none;
   bool is_density = false;
@@ -61,7 +61,7 @@ Sidedness sidedness_of(const toml::table* triad) {
                                                                                          : Sidedness::two_sided;
 }
 
-// Takes the mark from the begin of a comment, and the words that separate it from the note.
+// Removes the mark from the beginning of a comment, with the words that separate the mark from the note.
 std::string_view take_confidence(std::string_view& comment, std::string_view unmarked) {
   constexpr std::string_view mark = "unconfirmed: ";
   if (!comment.starts_with(mark)) return unmarked;
@@ -72,7 +72,7 @@ std::string_view take_confidence(std::string_view& comment, std::string_view unm
          : words.starts_with("assumed")        ? "assumed"
                                                : "memory";
 }
-// Returns these words and the names of all presets, for suggestions.
+// Returns the given words and the names of all presets, for suggestions.
 std::vector<std::string> preset_words(std::vector<std::string> words) {
   for (const Preset& known : presets()) words.emplace_back(known.name);
   return words;

@@ -16,7 +16,7 @@ namespace {
 constexpr std::string_view free_keys[] = {"clock", "control", "imu", "realtime", "truth.port"};
 constexpr std::string_view free_keys_of_imu[] = {"also", "pace", "port", "second_port"};
 
-// Returns true if the key is one of the list, or is below one.
+// Returns true if the key is in the list, or below a key of the list.
 bool is_in(std::span<const std::string_view> keys, std::string_view key) {
   return std::ranges::any_of(keys, [&](std::string_view one) {
     return key.starts_with(one) && (key.size() == one.size() || key[one.size()] == '.');
@@ -30,9 +30,10 @@ std::optional<std::string> recorded_config(const std::string& path) {
   if (transport == nullptr) return std::nullopt;
   PcapngReader reader(PortSpec{std::string(transport->name), path, {}});
   std::string text;
-  // Programs that sort or merge packets by time may put others before it and between its pieces.
+  // Programs that sort or merge packets by time may put other packets before the configuration and between its
+  // pieces.
   constexpr std::size_t most_others = 10'000;
-  std::size_t others = 0;  // since the last piece
+  std::size_t others = 0;  // other packets since the last piece
   while ((text.empty() || others < most_others) && !reader.at_end()) {
     const auto packet = reader.next();
     if (!packet) continue;

@@ -89,7 +89,7 @@ FaultConfig read_begun_fault(std::string_view text, std::size_t number, std::spa
 std::string text_to_begin(const Config& config, std::size_t number) {
   toml::table all = toml::parse(config.resolved());
   toml::table& fault = *all["fault"][number].as_table();
-  // It lasts as long as before.
+  // The fault lasts as long as before.
   if (const auto until_s = fault["until_s"].value<double>()) {
     fault.insert_or_assign("for_s", *until_s - fault["at_s"].value_or(0.0));
     fault.erase("until_s");

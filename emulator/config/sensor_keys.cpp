@@ -18,14 +18,15 @@ namespace {
 using namespace sensor_units;
 constexpr double root_hour = 60;  // sqrt(s)
 
-// Returns the unit of that name from the table of all keys' units.
+// Returns the unit of that name, from the table of the units of all keys.
 consteval ErrorUnit unit(std::span<const KeyUnit> units, std::string_view suffix) {
   const KeyUnit* found = find_unit(units, suffix);
   if (found == nullptr || found->offset != 0) throw "no such unit";
   return {found->suffix.substr(1), found->factor};
 }
 
-// The bias by the rate of the temperature, and by its history: terms, or standard deviations of them.
+// Reads the bias that depends on the temperature's rate of change and on its history: the terms, or their standard
+// deviations.
 template <class Terms>
 void read_thermal_drift(TableReader& table, const SensorKeys& keys, double least, Terms& e) {
   constexpr double minute = 60;
@@ -44,7 +45,7 @@ void read_spread(TableReader table, const SensorKeys& keys, const AxisLimits& ra
   if (has_bias) sigma.bias = in_units(table, "bias", keys.value, sigma.bias);
   sigma.scale_factor = ppm * table.per_axis("scale_factor_ppm", sigma.scale_factor / ppm, 0, 1e6);
   read_nonlinearity(table, range, is_sigma, sigma);
-  // A row of a matrix has one standard deviation: of its elements beside the diagonal, or of all.
+  // A row of a matrix has one standard deviation: for its off-diagonal elements, or for all elements.
   constexpr double mrad = 1e-3, most = 100;
   const Vector3 misalignment =
       mrad * table.per_axis("misalignment_mrad", sigma.misalignment.rowwise().maxCoeff() / mrad, 0, most);
@@ -204,7 +205,8 @@ namespace {
 constexpr std::string_view triad_names[] = {"gyro", "accelerometer", "magnetometer"};
 constexpr std::string_view layer_names[] = {"unit", "turn_on"};
 
-// Reads the loads of one triad. Each row of a matrix has one, but the degrees of the temperature have their own.
+// Reads the loads of one triad. Each row of a matrix has one load, but each degree of the temperature has its own
+// load.
 void read_loads(TableReader table, std::string_view triad, ConstantErrors& loads) {
   std::size_t i = 0;
   const auto read = [&](const std::string& key) { return table.per_axis(key, Vector3::Zero(), -1, 1); };
@@ -228,8 +230,8 @@ void read_loads(TableReader table, std::string_view triad, ConstantErrors& loads
   table.finish();
 }
 
-// Adds a fault for each load of a term that has no standard deviation, and for each term of whose variance the causes
-// explain more than all. `squares`: the sums of the squared loads of the causes so far.
+// Adds a fault for each load of a term that has no standard deviation, and for each term for which the causes
+// explain more than the term's whole variance. `squares`: the sums of the squared loads of the causes so far.
 void check_loads(TableReader& table, std::string_view triad, DrawnLayer layer, const ConstantErrors& loads,
                  ConstantErrors sigma, ConstantErrors& squares) {
   constexpr double rounding = 1e-9;

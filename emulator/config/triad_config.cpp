@@ -1,5 +1,5 @@
-// The errors of gyros, accelerometers and magnetometers in a configuration: SI, or the units of data sheets, which
-// the keys name.
+// Reads the errors of gyros, accelerometers and magnetometers in SI or in the units of data sheets. The keys name
+// the units.
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <array>
@@ -33,8 +33,8 @@ void check_growth(TableReader& table, const TriadErrors& e) {
                                                radius));
 }
 
-// The density of white noise is two-sided here. A data sheet's may be one-sided: then its square is twice as large.
-// `base` is how the present value of `e` was stated.
+// The density of white noise is two-sided here. The density of a data sheet may be one-sided: then its square is
+// twice as large. `base` tells how the present value of `e` was stated.
 void read_white_noise(TableReader& table, const SensorKeys& keys, Sidedness base, TriadErrors& e) {
   const bool was_one_sided = base == Sidedness::one_sided;
   const bool one_sided =
@@ -55,7 +55,8 @@ void read_white_noise(TableReader& table, const SensorKeys& keys, Sidedness base
   if (one_sided && density != nullptr) e.white_density *= std::sqrt(0.5);
 }
 
-// Reads the minimum of the Allan deviation, and returns the B that it requires beside N and K.
+// Reads the minimum of the Allan deviation. Returns the bias instability B that gives this minimum together with N
+// and K.
 Vector3 read_bias_minimum(TableReader& table, const SensorKeys& keys, const ErrorUnit& unit, const TriadErrors& e,
                           double rate_hz) {
   const Vector3 minimum = in_units(table, "bias_minimum", keys.value, Vector3::Zero());
@@ -78,7 +79,7 @@ Vector3 read_bias_minimum(TableReader& table, const SensorKeys& keys, const Erro
   return coefficient;
 }
 
-// After the terms of which the minimum depends.
+// Read after the terms on which the minimum depends.
 void read_bias_instability(TableReader& table, const SensorKeys& keys, TriadErrors& e, double rate_hz) {
   const ErrorUnit* coefficient = given_unit(table, "bias_instability", keys.value);
   const ErrorUnit* minimum = given_unit(table, "bias_minimum", keys.value);
@@ -122,7 +123,7 @@ void read_range(TableReader& table, const SensorKeys& keys, TriadErrors& e) {
   if (lower == Vector3::Constant(-e.max) && upper == Vector3::Constant(e.max)) e.limits.reset();
 }
 
-// The matrix and the curve between input and output.
+// Reads the matrix and the curve between input and output.
 void read_response(TableReader& table, TriadErrors& e) {
   e.misalignment = table.matrix3("misalignment", e.misalignment, false);
   constexpr double largest = 0.2;  // rad: a larger angle is a wrong axis, not a misalignment
@@ -135,9 +136,9 @@ void read_response(TableReader& table, TriadErrors& e) {
   read_nonlinearity(table, e.range(), false, e);
 }
 
-// At most one kind of filter, at whose output a sample is taken.
+// Reads the filter, of at most one kind, at whose output a sample is taken.
 void read_filter(TableReader& table, SensorFilter& filter, double rate_hz) {
-  constexpr double below = 0.45;  // of the rate: beyond, the filter has no room to fall
+  constexpr double below = 0.45;  // share of the rate: above, the filter has no room to fall
   filter.cut_off_hz = table.per_axis("low_pass_hz", filter.cut_off_hz, 0.0, huge);
   if (!(filter.cut_off_hz.maxCoeff() < below * rate_hz))
     table.fault("low_pass_hz", fmt::format("give less than {:.6g}, {} of the sensor's internal rate of {:.6g} Hz, or "
@@ -170,7 +171,8 @@ void read_filter(TableReader& table, SensorFilter& filter, double rate_hz) {
   filter.length = std::max(order > 0 ? length : samples, 1);
 }
 
-// A member that is added to TriadErrors does not compile until it stands here: give it a key, too.
+// If a member is added to TriadErrors, this does not compile until the member is named here. Give the member a
+// key, too.
 [[maybe_unused]] void name_every_term(const TriadErrors& errors) {
   [[maybe_unused]] const auto& [misalignment, dead_zone, scale_factor, scale_factor_asymmetry, quadratic, cubic,
                                 reference_temperature_c, temperature_scale, temperature_bias, temperature_rate_bias,

@@ -12,7 +12,7 @@
 namespace imud {
 namespace {
 
-// A text becomes a part of a line of the log.
+// The text becomes a part of one line of the log.
 std::string line_of_text(RpcParams& params) {
   std::string text = params.text("text", "one line of text");
   const bool is_line = std::none_of(text.begin(), text.end(),

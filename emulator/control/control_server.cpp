@@ -22,10 +22,10 @@ namespace asio = boost::asio;
 using Socket = asio::generic::stream_protocol::socket;
 using ErrorCode = boost::system::error_code;
 
-// A connection. It lives as long as an operation on it, or an answer, waits.
+// A connection. The object exists as long as an operation on the connection, or an answer, is pending.
 class ControlServer::Client final : public Subscriber, public std::enable_shared_from_this<Client> {
  public:
-  // `token`: the client must show it first; nullptr: no token. It outlives this.
+  // `token`: the token that the client must show first; nullptr: none. The token must outlive this.
   Client(Socket socket, ControlApi& api, const Token* token)
       : socket_(std::move(socket)),
         api_(api),
@@ -86,7 +86,7 @@ class ControlServer::Client final : public Subscriber, public std::enable_shared
     take_lines();
   }
 
-  // A client that has many unanswered requests waits with the others.
+  // If a client has many unanswered requests, its further requests wait.
   void take_lines() {
     if (std::exchange(is_taking_, true)) return;  // called by an answer that came at once
     std::size_t begin = 0;
@@ -97,7 +97,7 @@ class ControlServer::Client final : public Subscriber, public std::enable_shared
       if (!line.empty()) take(line);
     }
     input_.erase(0, begin);
-    // The end of such a line cannot be waited for.
+    // A line longer than max_request is refused without waiting for its end.
     if (input_.size() > ControlApi::max_request && input_.find('\n') == input_.npos)
       refuse(ControlApi::refuse_long());
     if (closes_) input_.clear();
@@ -119,7 +119,8 @@ class ControlServer::Client final : public Subscriber, public std::enable_shared
         shared_from_this());
   }
 
-  // Anything but the right token closes the connection, so that neither a browser nor a search for it gets further.
+  // Anything but the right token closes the connection, so that neither a browser nor a search for the token gets
+  // further.
   void authenticate(std::string_view line) {
     bool is_good = false;
     answer_rpc(
@@ -169,7 +170,7 @@ class ControlServer::Client final : public Subscriber, public std::enable_shared
   const Token* token_;  // nullptr: nothing is missing
   asio::steady_timer deadline_;
   std::array<char, 16 * 1024> buffer_;
-  std::string input_;  // from the begin of a line
+  std::string input_;  // input from the beginning of a line
   SendQueue output_;
   int calls_ = 0;  // that are not answered
   bool is_reading_ = false, is_writing_ = false, is_taking_ = false;
@@ -193,7 +194,7 @@ ControlServer::ControlServer(asio::io_context& io, const ControlConfig& config, 
     try {
       socket_.emplace(ControlSocketFile::in_folder(name));
     } catch (const OpenError& error) {
-      if (!config.name.empty()) throw;  // somebody will look for that name
+      if (!config.name.empty()) throw;  // a client will look for that name
       spdlog::info("no socket for imud ctl: {}", error.what());
     }
   } else if (config.socket != "none") {

@@ -26,7 +26,7 @@ int fail(std::string_view what, int exit_code = 1) {
   return exit_code;
 }
 
-// Returns words for people: why a connection to that socket has failed.
+// Returns the reason, for people, why a connection to that socket has failed.
 std::string failure_text(const std::string& path, int error) {
   switch (error) {
     case ENOENT:
@@ -60,7 +60,8 @@ LineConnection connect_by_socket(const CtlOptions& options) {
   return LineConnection(std::move(socket));
 }
 
-// The same by TCP, after the token. `address` has the form ADDRESS:PORT.
+// Returns a connection by TCP after sending the token, or prints why there is none. `address` has the form
+// ADDRESS:PORT.
 LineConnection connect_by_tcp(const TcpAddress& address, const std::string& secret) {
   const boost::asio::ip::tcp::endpoint to(boost::asio::ip::make_address(address.address), address.port);
   const std::string name = fmt::format("{}, port {}", address.address, address.port);
@@ -179,7 +180,7 @@ int ctl(const CtlOptions& options) {
   std::optional<TcpAddress> to;
   if (!options.to.empty()) {
     to = TcpAddress::parse(options.to);
-    // The token crosses the connection in the clear.
+    // The token is sent unencrypted.
     if (!to || !to->is_loopback)
       return fail(fmt::format("{}: give a loopback address and a port, such as 127.0.0.1:7700", options.to), 2);
   }

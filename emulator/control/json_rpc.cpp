@@ -55,7 +55,7 @@ Json parse(std::string_view text) {
   }
 }
 
-// Returns why this is no request; nullptr if it is one.
+// Returns why the JSON is no request; nullptr if it is a request.
 const char* fault_of(const Json& request) {
   if (!request.is_object()) return "Invalid Request: give an object";
   const auto version = request.find("jsonrpc");

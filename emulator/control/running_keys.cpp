@@ -125,7 +125,7 @@ double automatic_percent(const Config& config) {
                                                   : keys::automatic_percent.fallback;
 }
 
-// Splits "imu.NAME.KEY", whose name may have dots. Returns the imu's number and leaves KEY.
+// Splits "imu.NAME.KEY", whose name may have dots. Returns the number of the imu, and reduces the text to KEY.
 std::uint16_t imu_of(std::string_view& rest, const Config& config) {
   if (rest.starts_with("*.")) {
     rest.remove_prefix(2);

@@ -45,7 +45,8 @@ bool is_file_of(const std::string& path, dev_t device, ino_t inode) {
   return ::lstat(path.c_str(), &status) == 0 && status.st_dev == device && status.st_ino == inode;
 }
 
-// Keeps two instances that start together from replacing one another's socket.
+// Opens and locks the folder of `path`, so that two instances that start together do not replace each other's
+// socket.
 FileDescriptor locked_folder_of(const std::string& path) {
   const std::string folder = std::filesystem::path(path).parent_path().string();
   FileDescriptor descriptor(::open(folder.empty() ? "." : folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
@@ -71,7 +72,7 @@ bool is_socket(const std::string& path) {
   return ::lstat(path.c_str(), &status) == 0 && S_ISSOCK(status.st_mode);
 }
 
-// Removes the sockets to which no process listens.
+// Removes the sockets on which no process listens.
 void remove_stale(const std::string& folder) {
   const FileDescriptor lock = locked_folder_of(folder + "/");
   for (const Instance& one : sockets_in(folder))
@@ -88,7 +89,7 @@ std::string names_text(const std::vector<Instance>& all) {
 
 std::vector<std::string> socket_folders() {
   std::vector<std::string> folders;
-  // A unit may have several, with colons between them (systemd.exec(5)).
+  // A unit may have several folders, separated by colons (systemd.exec(5)).
   if (const char* unit = std::getenv("RUNTIME_DIRECTORY")) {
     const std::string_view all = unit;
     if (!all.empty()) folders.emplace_back(all.substr(0, all.find(':')));
@@ -153,7 +154,7 @@ ControlSocketFile ControlSocketFile::in_folder(const std::string& name) {
     }
     remove_stale(folder);
     const std::string path = socket_path(folder, name);
-    // The other folders are no better if an instance of that name runs.
+    // If an instance of that name runs, the other folders are not tried.
     if (connect_to_socket(path)) throw OpenError(fmt::format("{}: an imud of that name runs already", path));
     try {
       return ControlSocketFile(path);

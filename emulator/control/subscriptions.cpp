@@ -56,8 +56,8 @@ bool has_solution(const FeedSample& s) { return s.solution.has_value(); }
 constexpr std::array<std::string_view, 4> solution_states = {"aligning", "coasting", "aided", "levelled"};
 static_assert(solution_states.size() == static_cast<std::size_t>(Solution::State::levelled) + 1);
 
-// Appends ,"name":[...] with the value of each sample, or null for a sample that lacks it (`has`); nothing if all
-// lack it.
+// Appends ,"name":[...] with the value of each sample, or null for a sample without this value (`has`); appends
+// nothing if no sample has the value.
 template <class ValueOf>
 void append_list(
     Buffer& out, std::string_view name, const std::vector<const FeedSample*>& samples, ValueOf value_of,
@@ -75,7 +75,7 @@ void append_list(
   out.push_back(']');
 }
 
-// Appends the solution of a unit that computes its own, with the errors and standard deviations.
+// Appends the navigation solution of a unit that computes a solution, with errors and standard deviations.
 void append_solution(Buffer& out, const std::vector<const FeedSample*>& samples) {
   const auto state = [](const FeedSample& s) { return solution_states[static_cast<std::size_t>(s.solution->state)]; };
   const auto names = [](std::uint16_t bits) {
@@ -183,7 +183,8 @@ Json Subscriptions::unsubscribe(const Json& request_params, const std::shared_pt
   return {{"removed", removed}};
 }
 
-// The feed has the samples that any subscription wants: a multiple of the greatest common divisor.
+// The feed has every sample that a subscription wants: the samples at multiples of the greatest common divisor of
+// all intervals.
 void Subscriptions::watch() {
   for (std::uint16_t imu = 0; imu < config_.imus.size(); ++imu) {
     std::uint32_t every = 0;
@@ -247,7 +248,7 @@ void Subscriptions::distribute(HostTime now) {
     last_ = std::move(figures);
     counted_ = now;
   }
-  // Clients that subscribe to the same get the same text.
+  // Clients with the same subscription get the same text.
   std::map<std::tuple<What, std::uint16_t, std::uint32_t>, std::shared_ptr<const std::string>> texts;
   for (const Subscription& s : all_) {
     const auto client = s.client.lock();
