@@ -45,7 +45,7 @@ std::vector<std::string> unread_ports(Engine& engine, const Config& config) {
 
 }  // namespace
 
-// `@` begins an abstract address. Not by libsystemd, whose libraries every start of imud would load.
+// `@` begins an abstract address. libsystemd is not used, because every start of imud would load its libraries.
 void notify_manager(std::string_view state) {
   const char* const path = std::getenv("NOTIFY_SOCKET");
   sockaddr_un address{.sun_family = AF_UNIX, .sun_path = {}};

@@ -60,7 +60,7 @@ class Ticker {
   const std::function<void()> work_;
 };
 
-// The work of the sampling thread. Returns false if a reader has not read everything.
+// Does the work of the sampling thread. Returns false if a reader has not read everything.
 bool drive(Assembly& assembly, const Config& config, const RunOptions& options, const std::atomic<bool>& stop,
            std::atomic<std::uint64_t>& host_uses) {
   CountingHost host(host_uses);
@@ -111,7 +111,7 @@ void log_details(const Config& config) {
   }
 }
 
-// Returns true if standard output carries frames or JSON, among which the text of the summary has no place.
+// Returns true if standard output carries frames or JSON: then the text of the summary must not be printed there.
 bool has_data_on_stdout(const Config& config, const RunOptions& options) {
   return writes_to_stdout(config) ||
          std::ranges::any_of(options.outputs, [](const RunOptions::Output& output) { return output.path == "-"; });
@@ -128,7 +128,7 @@ void report(const Outcome& outcome, const Summary& summary, const Config& config
     if (!one.holds) spdlog::error("expected {}: {}; {}", one.name, one.text, one.seen);
 }
 
-// Throws OpenError if a file of figures would be written over another file of the run.
+// Throws OpenError if a file of figures would overwrite another file of the run.
 void check_outputs(const Config& config, const RunOptions& options) {
   FilesInUse files = config.files;
   if (writes_to_stdout(config)) files.add("-", "the port of an imu");
@@ -142,7 +142,7 @@ std::vector<FaultLabel> labels(Engine& engine, const Config& config) {
   return fault_labels(engine.faults().all(), imus, engine.faults().log());
 }
 
-// Returns the labels of the engine's faults, as the name of their file asks for.
+// Returns the labels of the engine's faults in the format that the name of their file selects.
 std::string labels(Engine& engine, const Config& config, std::string_view file) {
   std::vector<FaultLabel> all = labels(engine, config);
   add_never_begun(engine.faults().configured(), all);

@@ -13,7 +13,7 @@ namespace imud {
 
 namespace {
 
-// Returns the time within which the manager wants to be notified; 0: it does not.
+// Returns the time within which the manager requires a notification; 0: the manager requires none.
 std::chrono::microseconds watchdog_time() {
   const char* const time = std::getenv("WATCHDOG_USEC");
   const char* const process = std::getenv("WATCHDOG_PID");  // left out: of any process

@@ -21,7 +21,7 @@ namespace {
 
 constexpr std::size_t hold_at_most = 512;  // rows
 
-// Returns true if the fault can add measurements to an imu's own.
+// Returns true if the fault can add measurements to the imu's measurements.
 bool adds_rows(const FaultConfig& fault) {
   return (fault.kind->seam == FaultSeam::wire || fault.kind->name == "repeated" || fault.kind->name == "late" ||
           fault.kind->name == "other_settings" || fault.kind->name == "settings_lost");
@@ -99,8 +99,8 @@ void SeedArrays::begin(const Config& config, const Seeds& seeds, const Run& run)
   }
 }
 
-// Determines the number of rows of imus whose measurements depend on the seed: as in a run without faults, or as with
-// the first seed if greater, and some more if faults or the clock add measurements.
+// Determines the number of rows of imus whose measurements depend on the seed: the greater of the numbers in a run
+// without faults and in the run with the first seed, and some more if faults or the clock add measurements.
 void SeedArrays::make_room(const Config& config, const Seeds& seeds, const Run& run) {
   if (std::none_of(imus_.begin(), imus_.end(), [](const Imu& imu) { return imu.varies; })) return;
   Config first = config;

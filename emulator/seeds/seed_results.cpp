@@ -19,7 +19,7 @@ bool SeedResults::add(const std::string& text) {
   return are_whole;
 }
 
-// Adds to the summary of a run's last part the faults that have begun in none of its parts.
+// Adds the faults that have begun in no part of a run to the summary of the run's last part.
 void SeedResults::judge_faults(std::uint64_t seed, Json& summary) {
   Begun& run = begun_[seed];
   run.occurrences.resize(faults_.size());

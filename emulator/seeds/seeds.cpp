@@ -60,7 +60,7 @@ class Runs {
     constexpr std::uint64_t per_job = 4;  // items, so that all jobs end at about the same time
     const std::uint64_t most_together = std::max<std::size_t>(1, most_imus / config_.imus.size());
     together_ = std::clamp<std::uint64_t>(seeds_.size() / (per_job * jobs), 1, most_together);
-    // The seed of a run draws the faults of its truth.
+    // The faults of the truth are drawn by the seed of the run.
     if (std::ranges::any_of(config_.faults, [](const FaultConfig& f) { return f.acts_on(fault_of_truth); }))
       together_ = 1;
     if (done_ > 0) together_ = 1;
@@ -78,7 +78,7 @@ class Runs {
   std::size_t parts() const noexcept { return parts_; }
   std::size_t runs_of(std::size_t item) const noexcept { return seeds_of(item).size(); }
 
-  // The item has been done: the arrays have its rows.
+  // Called when the item is done and the arrays have its rows.
   void mark(std::size_t item) noexcept {
     const SeedRange seeds = seeds_of(item);
     for (std::uint64_t seed = seeds.first; arrays_ && seed <= seeds.last; ++seed)
@@ -88,14 +88,14 @@ class Runs {
   void commit() {
     if (arrays_) arrays_->commit();
   }
-  // Leaves the arrays to be completed by the same command, and logs so.
+  // Leaves the arrays behind, so that the same command can complete them later, and logs this.
   void keep() noexcept {
     const std::string left = arrays_ ? arrays_->keep() : std::string();
     if (!left.empty()) spdlog::warn("{} is incomplete: the same command does the runs that are missing", left);
   }
 
-  // Does an item; returns the summaries of its runs as a JSON array in one line. Throws std::runtime_error, which
-  // names the seed if a port is at fault.
+  // Runs an item. Returns the summaries of its runs as a JSON array in one line. Throws std::runtime_error; if a
+  // port is at fault, the error names the seed.
   std::string work(std::size_t item) const;
 
  private:
@@ -116,15 +116,16 @@ class Runs {
     std::vector<SeedArrays::Rows> rows;  // by seed, and by imu
     HostTime begin;
   };
-  // Returns the measurements of each imu of the runs if the truth of one varies with the seed; otherwise nothing.
+  // Returns the measurements of each imu of the runs if the truth of an imu varies with the seed; otherwise an
+  // empty list.
   std::vector<std::vector<MadeRow>> made_by(const Config& config, std::size_t part) const {
     bool varies = false;
     for (std::size_t i = 0; arrays_ && i < config_.imus.size(); ++i)
       varies = varies || (arrays_->varies(i) && (parts_ == 1 || i == part));
     return varies ? made_rows(config, run_for_arrays()) : std::vector<std::vector<MadeRow>>();
   }
-  // Returns the truth at the samples of each imu of the runs if the instants of one vary with the seed; otherwise
-  // nothing. `of_seed`: the number of the imus of a seed.
+  // Returns the truth at the samples of each imu of the runs if the instants of an imu vary with the seed;
+  // otherwise an empty list. `of_seed`: the number of imus of each seed.
   std::vector<RunTruth::OfImu> truths_by(const Config& config, std::size_t part, std::size_t of_seed) const {
     const auto wanders = [&](std::size_t i) { return arrays_ && arrays_->wanders(part + i % of_seed); };
     bool any = false;
@@ -158,7 +159,7 @@ class Runs {
   std::uint64_t together_ = 1;          // seeds of an item
   std::size_t parts_ = 1;               // of a seed
   std::uint64_t done_ = 0;              // seeds that the arrays have already
-  std::vector<std::uint64_t> missing_;  // the others, if there are any of these
+  std::vector<std::uint64_t> missing_;  // the seeds that the arrays do not have, if they have some
 };
 
 std::string Runs::work(std::size_t item) const {
@@ -171,7 +172,7 @@ std::string Runs::work(std::size_t item) const {
   }
   const std::vector<ImuConfig>& imus = batch.config.imus;
   Config all = batch.config;
-  all.seed = seeds.first;  // it draws the faults of truth
+  all.seed = seeds.first;  // this seed draws the faults of the truth
   all.imus.clear();
   batch.rows.reserve(seeds.size() * imus.size());
   for (std::uint64_t i = 0; i < seeds.size() * imus.size(); ++i) {
@@ -210,7 +211,7 @@ std::string Runs::work(std::size_t item) const {
       batch.config.seed = seeds.first + i;
       try {
         summaries.push_back(end(batch, i, engine, difference, part));
-      } catch (const std::exception& error) {  // the other seeds have runs of their own
+      } catch (const std::exception& error) {  // other seeds have their own runs
         if (failure.empty()) failure = fmt::format("seed {}: {}", batch.config.seed, error.what());
       }
     }

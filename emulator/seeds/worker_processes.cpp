@@ -50,8 +50,8 @@ class SharedItems {
   SharedItems(const SharedItems&) = delete;
   SharedItems& operator=(const SharedItems&) = delete;
 
-  // Returns the next item for the worker of that number; nullopt: there is none. It is the worker's open item before
-  // it is taken, so that a death at any instant leaves no item that nobody does.
+  // Returns the next item for the worker of that number; nullopt if there is none. The item is recorded as the
+  // worker's open item before it is taken, so that no item is lost if the worker dies at any instant.
   std::optional<std::size_t> take(std::size_t worker) noexcept {
     std::size_t item = next();
     do {
@@ -73,12 +73,13 @@ class SharedItems {
 
 bool send_text(int file, std::string_view text) { return write_whole(file, std::as_bytes(std::span(text))) == 0; }
 
-// The life of a worker: lines "ITEM TEXT", or "! CAUSE". `first`: the item that it does before others.
+// Runs a worker, which writes lines "ITEM TEXT", or "! CAUSE". `first`: the item that the worker does before
+// others.
 [[noreturn]] void work(const WorkerProcesses& workers, SharedItems& items, std::size_t number,
                        std::optional<std::size_t> first, int out, pid_t parent) {
   ::prctl(PR_SET_PDEATHSIG, SIGKILL);
   if (::getppid() != parent) ::_exit(0);  // it has ended before that
-  // The memory of an item is kept for the next: returning it to the kernel costs a tenth of a run.
+  // The memory of an item is kept for the next item, because returning it to the kernel costs a tenth of a run.
   constexpr int kept = 16 * 1024 * 1024;
   ::mallopt(M_MMAP_THRESHOLD, kept);
   ::mallopt(M_TRIM_THRESHOLD, 8 * kept);
@@ -97,11 +98,11 @@ bool send_text(int file, std::string_view text) { return write_whole(file, std::
 struct Worker {
   pid_t process = 0;
   FileDescriptor in;
-  std::string text = {};                 // that is not a whole line yet
+  std::string text = {};                 // the part of a line that has come so far
   std::optional<std::size_t> done = {};  // the last item whose text it has sent
 };
 
-// Owns the workers: none outlives it.
+// Owns the workers. No worker outlives this.
 class Workers {
  public:
   Workers(const WorkerProcesses& workers, std::size_t items)

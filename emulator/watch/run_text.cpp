@@ -17,7 +17,7 @@ double number(const Json& object, const char* key) {
   return found != object.end() && found->is_number() ? found->get<double>() : 0.0;
 }
 
-// Returns what keeps frames of the imu from its reader; empty if nothing does.
+// Returns the reason why frames of the imu do not reach their reader; empty if they do.
 std::string hindrance(const Json& imu) {
   std::string state = imu.value("port_state", std::string("ready"));
   std::replace(state.begin(), state.end(), '_', ' ');

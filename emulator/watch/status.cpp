@@ -22,7 +22,7 @@ using namespace std::chrono_literals;
 
 constexpr Nanoseconds longest = 2s;  // for the answers of all runs
 
-// A run that was found: its answer, or else why there is none.
+// A run that was found: its answer, or the reason why there is no answer.
 struct Found {
   Instance instance;
   std::string_view state;  // "running", "silent", "killed", "foreign"
@@ -76,7 +76,7 @@ std::string text(const Found& found) {
   return out;
 }
 
-// The same for a terminal, also of an answer whose types this version does not know.
+// Returns the text for a terminal, also for an answer whose types this version does not know.
 std::string shown(const Found& found) {
   try {
     return printable(text(found));

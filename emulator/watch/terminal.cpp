@@ -1,6 +1,6 @@
 #include "emulator/watch/terminal.hpp"
 
-// Functions, no macros: other files may be compiled together with this one.
+// ncurses is used by functions, not macros, because other files may be compiled together with this file.
 #define NCURSES_NOMACROS
 #include <curses.h>
 #include <fmt/format.h>
@@ -80,7 +80,7 @@ struct Curses {
 class Terminal::Screen {
  public:
   Screen() : curses_(Curses::get()) {
-    std::setlocale(LC_CTYPE, "");  // ncurses counts columns by it
+    std::setlocale(LC_CTYPE, "");  // ncurses counts columns by this locale
     const char* const type = std::getenv("TERM");
     screen_ = curses_.new_terminal(nullptr, stdout, stdin);
     if (screen_ == nullptr)
@@ -89,7 +89,7 @@ class Terminal::Screen {
     curses_.without_lines();
     curses_.without_echo();
     curses_.set_cursor(0);
-    constexpr int escape_ms = 25;  // after which an escape is no begin of a key's sequence
+    constexpr int escape_ms = 25;  // after which an escape does not begin a key's sequence
     curses_.set_escape_delay(escape_ms);
     window_ = curses_.new_window(0, 0, 0, 0);
     curses_.keypad(window_, true);
@@ -104,7 +104,7 @@ class Terminal::Screen {
   Screen(const Screen&) = delete;
   Screen& operator=(const Screen&) = delete;
 
-  // A row that is too long for the window goes on in the next one, which is written after it.
+  // A row that is too long for the window continues in the next row, which is overwritten afterwards.
   void show(const std::vector<std::string>& lines, const std::string& bottom) {
     const int rows = curses_.rows(window_);
     for (int row = 0; row < rows; ++row) {

@@ -29,7 +29,8 @@ int refuse(std::string_view why, int exit_code) {
   return exit_code;
 }
 
-// A run that is stopped reads nothing: a request for which its socket has no room is left out, since it would wait.
+// A stopped run reads nothing. A request for which the run's socket has no room is omitted, because sending it
+// would block.
 void request(LineConnection& run, Json call) {
   pollfd room{run.descriptor(), POLLOUT, 0};
   if (run && (::poll(&room, 1, 0) <= 0 || (room.revents & POLLOUT) == 0)) return;
@@ -39,7 +40,7 @@ void request(LineConnection& run, Json call) {
   run.send(json_line(all));
 }
 
-// A message that has not the types of this version is passed over.
+// A message whose types differ from this version's is ignored.
 void take(TopView& view, const std::string& line) {
   try {
     if (const Json message = Json::parse(line, nullptr, false); message.is_object()) view.take(message, host_now());
@@ -47,7 +48,7 @@ void take(TopView& view, const std::string& line) {
   }
 }
 
-// The signals that end the view or change its size, from a descriptor in place of handlers.
+// Receives the signals that end the view or change its size, from a descriptor in place of handlers.
 class Signals {
  public:
   Signals() {
@@ -58,7 +59,7 @@ class Signals {
     descriptor_.reset(::signalfd(-1, &set, SFD_CLOEXEC | SFD_NONBLOCK));
   }
   int descriptor() const noexcept { return descriptor_.get(); }
-  // Returns the next signal; 0: none waits.
+  // Returns the next signal; 0 if none is pending.
   int next() {
     signalfd_siginfo info{};
     return ::read(descriptor_.get(), &info, sizeof info) == sizeof info ? static_cast<int>(info.ssi_signo) : 0;

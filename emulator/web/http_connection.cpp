@@ -149,7 +149,7 @@ Response HttpConnection::get(const Request& request) const {
 }
 
 void HttpConnection::call(const Request& request) {
-  // A page of another site cannot send this type without being asked for its permission first.
+  // A page of another site cannot send this type: the browser would first ask the server for permission.
   if (!view(request[http::field::content_type]).starts_with("application/json"))
     return write(fault(request, http::status::unsupported_media_type, "give Content-Type: application/json"));
   stream_.expires_never();

@@ -10,8 +10,7 @@
 namespace imud {
 namespace {
 
-// Returns a label's value or a help text: backslash, line feed and, unless `keeps_quotes`, quote are escaped (section
-// 3.2.2).
+// Escapes a label's value or a help text: backslash, line feed and, unless `keeps_quotes`, quote (section 3.2.2).
 std::string escaped(std::string_view text, bool keeps_quotes = false) {
   std::string out;
   for (const char c : text) {
@@ -63,8 +62,8 @@ constexpr auto limits_s = [] {
 class Text {
  public:
   explicit Text(MetricsFormat format) : format_(format) {}
-  // Begins a metric family. `unit` is a suffix of the name, or empty. The text format knows neither units nor the
-  // type info, and names the family of a counter as its values.
+  // Begins a metric family. `unit` is a suffix of the name, or empty. The text format has neither units nor the
+  // type info, and gives the family of a counter the name of its values.
   void family(std::string_view family_name, std::string_view type, std::string_view help,
               std::string_view unit = {}) {
     const bool is_open = format_ == MetricsFormat::open_metrics;
@@ -104,7 +103,7 @@ struct Labelled {
   const SnapshotValues* values;
 };
 
-// Returns the name of a figure in SI: "lateness_us" is in seconds.
+// Returns the name of a figure in SI units: "lateness_us" becomes a name in seconds.
 std::string si_name(std::string_view key) {
   constexpr std::string_view microseconds = "_us";
   if (!key.ends_with(microseconds)) return std::string(key);
