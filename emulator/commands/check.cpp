@@ -28,7 +28,7 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-// Makes the objects that a run makes before it begins. Throws as a run would.
+// Makes the objects that a run makes before it begins. Throws the same errors as a run.
 void make_parts(const Config& config, const CheckOptions& options) {
   check_figures(options.required, config);
   Assembly(config, no_ports);
@@ -60,7 +60,7 @@ std::string delay_text(const TruthConfig& truth) {
       1e3 * seconds(truth.clock.delay));
 }
 
-// Describes the clock that the grids of samples are on, as it is now; empty if they are on none.
+// Describes the present state of the clock on which the grids of samples are; empty if the grids are on no clock.
 std::string epoch_text(const Config& config) {
   ClockFigures clock;
   clock.epoch = epoch_of(config);

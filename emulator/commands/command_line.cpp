@@ -79,7 +79,7 @@ void collect_outputs(Arguments& arguments) {
   }
 }
 
-// Throws PortError if an option was given that does not suit several runs.
+// Throws PortError if a given option does not suit several runs.
 void refuse_single_run_options(const Arguments& arguments) {
   bool is_given = arguments.run.ready_fd.has_value();
   std::vector<std::string> options = {"--ready-fd"};
@@ -106,7 +106,7 @@ int replay(const Arguments& arguments) {
   return has_workers ? replay_seeds(config, options, arguments.seeds) : run(config, options);
 }
 
-// Prints a fault; if too many files are open, also how to permit more.
+// Prints a fault; if too many files are open, also prints how to permit more.
 void print_fault(std::string_view text) {
   fmt::print(stderr, "{}\n", text);
   rlimit files{};

@@ -44,7 +44,7 @@ extern "C" void note_signal(int signal) { ended_by = signal; }
 
 constexpr std::string_view flight = "tests/captures/jsbsim_c172_10s.pcap", configuration = "tools/demo.toml";
 
-// A folder of the demonstration's own, which is removed at its end.
+// A temporary folder of the demonstration, which the destructor removes.
 class Folder {
  public:
   Folder() {
@@ -64,7 +64,7 @@ class Folder {
   fs::path path_;
 };
 
-// A program that runs, with the outputs that it is given.
+// A running program, with its redirected outputs.
 class Child {
  public:
   Child(const std::vector<std::string>& words, int output, const std::string& errors) {
@@ -91,7 +91,7 @@ class Child {
     if (id_ > 0 && ::waitpid(id_, &status_, WNOHANG) == id_) id_ = 0;
     return id_ > 0;
   }
-  // Waits for its end. Returns the exit code; -1 if a signal has ended it.
+  // Waits for the end of the program. Returns the exit code; -1 if a signal has ended the program.
   int wait() {
     if (id_ > 0) ::waitpid(id_, &status_, 0);
     id_ = 0;
@@ -187,8 +187,8 @@ int demo(const DemoOptions& options) {
   const std::string port = pty_at(folder / "imu1");
   const std::string summary = folder / "summary", log = folder / "log", report = folder / "report";
 
-  // Both programs get a Ctrl-C from the terminal, and end. After the other signals they are ended, and the folder is
-  // removed.
+  // Both programs get a Ctrl-C from the terminal and end. After other signals this process ends them. The folder
+  // is removed in each case.
   struct sigaction action = {};
   action.sa_handler = note_signal;  // without SA_RESTART: a wait returns
   for (const int signal : {SIGINT, SIGTERM, SIGHUP, SIGPIPE}) ::sigaction(signal, &action, nullptr);

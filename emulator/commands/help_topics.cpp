@@ -23,7 +23,7 @@
 namespace imud {
 namespace {
 
-// A line of what was found, and the words that were searched.
+// A line of the result, and the words that were searched.
 struct Found {
   std::string name, words;
 };
@@ -131,7 +131,7 @@ int help_topic(const CLI::App& app, const std::string& topic) {
   for (const KeyRow& row : rows)
     keys.push_back({row.keys.front() + (row.protocol.empty() ? "" : " of " + row.protocol),
                     row.cells.empty() ? "" : row.cells.back().second});
-  // A key of a sensor that is not the first of its row is found by its own name.
+  // A sensor's key that is not the first key of its row is found by its own name.
   for (std::size_t i = 0; i < rows.size(); ++i)
     for (const std::string& one : rows[i].keys)
       if (!has(keys[i], key) && boost::icontains(one, key)) keys[i].name = one;
@@ -147,7 +147,7 @@ int help_topic(const CLI::App& app, const std::string& topic) {
   for (const KeyRow& row : rows)
     for (const std::string& one : row.keys) {
       known.push_back(one);
-      std::vector<std::string> parts;  // a table's name is a topic, too
+      std::vector<std::string> parts;  // the name of a table is also a topic
       boost::split(parts, one, [](char c) { return c == '.'; });
       known.insert(known.end(), parts.begin(), parts.end());
     }

@@ -10,7 +10,7 @@
 namespace imud {
 namespace {
 
-// Returns the cells of a row of a table; a | in code or after \ is no border.
+// Returns the cells of a row of a table. A | in code or after \ does not separate cells.
 std::vector<std::string> cells_of(const std::string& row) {
   std::vector<std::string> cells(1);
   bool is_code = false;
@@ -29,7 +29,7 @@ std::vector<std::string> cells_of(const std::string& row) {
   return cells;
 }
 
-// Returns what stands in code in a text: `a`, `b`.
+// Returns the parts of a text that are marked as code: `a`, `b`.
 std::vector<std::string> in_code(const std::string& text) {
   static const std::regex code("`([^`]+)`");
   std::vector<std::string> all;
@@ -51,7 +51,7 @@ struct Place {
   std::string protocol;
 };
 
-// Sets the place to the one of a heading.
+// Sets the place to the place of a heading.
 void enter(Place& place, const std::string& heading) {
   const std::vector<std::string> names = in_code(heading);
   place.protocol.clear();

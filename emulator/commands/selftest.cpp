@@ -215,7 +215,7 @@ int selftest_timing(const Config& config, const SelftestOptions& options) {
                config.imus.size(), us * all_p50);
   fmt::print("  up to {:.0f} Hz, 99.9 % of them have left before the next is due; {} Hz is {}\n", best_hz, rate_hz,
              rate_hz <= best_hz ? "within that" : "beyond that");
-  constexpr double used = 0.7;  // of a processor; with more, a hold-up takes long to catch up
+  constexpr double used = 0.7;  // share of a processor; with more, it takes long to catch up after a hold-up
   fmt::print(
       "  up to {:.0f} sensors at {} Hz, whose samples take {:.1f} us of a processor each, use {:.0f} % of one\n",
       std::max(1.0, std::floor(used / (processor_s * rate_hz))), rate_hz, us * processor_s, 100 * used);

@@ -17,7 +17,7 @@ struct Described {
   Protocol protocol;
 };
 
-// The entry of protocol `frame`, with the description in place of the key that names one.
+// A copy of the protocol `frame`, with a description in place of the key that names a description.
 void describe(const ShippedFrames& shipped, Described& described) {
   described.description = read_frames(std::string(shipped.name));
   described.protocol = *find_protocol("frame");

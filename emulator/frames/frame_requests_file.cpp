@@ -12,7 +12,7 @@ namespace {
 
 using Host = FrameHostDescription;
 
-// Returns a text, or a finite number as its shortest text.
+// Returns the value as text; a finite number in its shortest form.
 std::optional<std::string> value_text(const toml::node& node) {
   if (const auto* text = node.as_string()) return text->get();
   if (const auto* integer = node.as_integer()) return fmt::to_string(integer->get());
@@ -40,7 +40,7 @@ void read_values(TableReader& table, std::string_view key, const toml::node* nod
   }
 }
 
-// Reads the bounds of a setting that may have any whole number between them.
+// Reads the bounds of a setting whose value is any integer between them.
 void read_range(TableReader& table, Host::Setting& setting) {
   setting.is_number = setting.is_range = true;
   for (const char* key : {"values", "codes"})
@@ -164,7 +164,7 @@ std::vector<Host::Text> read_elements(TableReader& table, std::string_view key, 
   return elements;
 }
 
-// A text is text in the answer to a line, and else one element.
+// In the answer to a line of text, a text stands for itself; in other answers it is one element.
 Host::Answer read_answer(TableReader& table, std::string_view key, bool is_line) {
   Host::Answer answer;
   const toml::node* node = table.node(key);

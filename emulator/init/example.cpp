@@ -15,7 +15,7 @@
 namespace imud {
 namespace {
 
-// Returns the first entry that fulfils `condition`. There is one.
+// Returns the first entry that fulfils `condition`. Requires that there is one.
 template <class Entry, class Condition>
 const Entry* first(std::span<const Entry* const> table, Condition condition) {
   return *std::find_if(table.begin(), table.end(), [&](const Entry* entry) { return condition(*entry); });
@@ -63,7 +63,7 @@ bool brings(const Transport& transport, TruthFormat::Way way) {
 
 // Returns the port of the truth in an example with that transport.
 std::string truth_port_text(const TruthFormat& format, const Transport& port) {
-  // A device may have the example of the same transport.
+  // A device of the same configuration may have the example port of the same transport.
   const std::string_view example = format.example_port.empty() ? "127.0.0.1:9810" : format.example_port;
   return brings(port, format.way) ? fmt::format("{}:{}", port.name, example) : std::string(port.example);
 }

@@ -29,7 +29,7 @@ std::string first_word(const fs::path& path) {
   return word;
 }
 
-// Returns the name of the driver of a device in sysfs; empty if it has none.
+// Returns the name of the driver of a device in sysfs; empty if the device has no driver.
 std::string driver_of(const fs::path& device) {
   std::error_code none;
   return fs::read_symlink(device / "device/driver", none).filename();

@@ -58,7 +58,7 @@ void write(const std::string& path, const std::string& text, bool is_forced) {
   if (std::fclose(file) != 0 || !is_written) refuse(errno);
 }
 
-// Returns a remark if imud has no figures of this unit, and its sensors get another one's; otherwise nothing.
+// Returns a remark if imud has no figures of this unit and uses another unit's figures; otherwise an empty text.
 std::string borrowed_errors(const ChosenProduct& product) {
   if (product.unit.empty()) return {};
   Settings settings(product.protocol->settings);
@@ -71,7 +71,7 @@ std::string borrowed_errors(const ChosenProduct& product) {
       model, product.unit);
 }
 
-// Prints what to do next, for this choice.
+// Prints the next steps for this choice.
 void print_next(const InitOptions& options, const ChosenProduct& product, const ChosenTruth& truth) {
   const std::string file = shell_word(options.output);
   const std::string unit = product.unit.empty() ? "" : " --set model=" + product.unit;

@@ -25,7 +25,8 @@ struct Answer {
   std::string words;  // beside it in the list
 };
 
-// Prints a question with numbered answers, and returns the number's answer, or the text; `initial` if it is empty.
+// Prints a question with numbered answers. Returns the answer of the entered number, or the entered text, or
+// `initial` if the input is empty.
 std::string answer(std::string_view question, const std::vector<Answer>& answers, const std::string& initial) {
   std::size_t width = 0;
   for (const Answer& one : answers) width = std::max(width, one.value.size());

@@ -32,7 +32,7 @@ std::string with_number(std::string_view text, const std::string& old, const std
   return std::regex_replace(std::string(text), std::regex("\\b" + old + "\\b"), number);
 }
 
-// Returns the text with the paths of files that imud brings along, as they are on this machine.
+// Returns the text with the paths that imud's own files have on this machine.
 std::string with_paths(std::string_view text) {
   static const std::regex path("tools/bridges/[\\w/.]+");
   const std::string all(text);
@@ -89,7 +89,7 @@ int fitness(const TruthFormat& format, const std::string& port) try {
 }
 
 // Returns the truth of a capture, by the format that fits it best. Rows of numbers fit formats without names of
-// columns, too: of two that fit as well, the one with names is meant.
+// columns, too: if two formats fit equally well, the format with names is chosen.
 ChosenTruth of_capture(const std::string& capture) {
   const std::string port = capture_port(capture);
   const TruthFormat* best = nullptr;

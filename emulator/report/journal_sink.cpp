@@ -46,7 +46,7 @@ int journal_priority(spdlog::level::level_enum level) noexcept {
   }
 }
 
-// Not by libsystemd, whose libraries every start of imud would load.
+// libsystemd is not used, because every start of imud would load its libraries.
 JournalSink::JournalSink(spdlog::sink_ptr other)
     : other_(std::move(other)), socket_(::socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0)) {}
 

@@ -34,7 +34,7 @@ class Priority final : public spdlog::custom_flag_formatter {
   std::unique_ptr<custom_flag_formatter> clone() const override { return std::make_unique<Priority>(); }
 };
 
-// Removes the line of progress, to which a line of the log would be appended otherwise.
+// Removes the line of progress; otherwise a line of the log would be appended to it.
 class Removal final : public spdlog::custom_flag_formatter {
  public:
   void format(const spdlog::details::log_msg&, const std::tm&, spdlog::memory_buf_t& out) override {

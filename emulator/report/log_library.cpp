@@ -1,5 +1,5 @@
-// The parts of spdlog that log.cpp uses, compiled here as in spdlog's own src/: its shared library would have 1,500
-// symbols bound at each start of imud, a sixth of all.
+// Compiles the parts of spdlog that log.cpp uses, as spdlog's own src/ does. With spdlog's shared library, each
+// start of imud would bind 1,500 more symbols, a sixth of all.
 #include <spdlog/common-inl.h>
 #include <spdlog/details/backtracer-inl.h>
 #include <spdlog/details/log_msg-inl.h>

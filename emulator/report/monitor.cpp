@@ -17,7 +17,7 @@ namespace {
 std::string names(const std::vector<std::string_view>& all) {
   return all.empty() ? "none" : fmt::format("{}", fmt::join(all, ", "));
 }
-// Returns "42 % of the capture, 80 s left; ", or nothing if that is not known.
+// Returns "42 % of the capture, 80 s left; ", or an empty text if the progress is not known.
 std::string progress_text(const Summary& all) {
   const double progress = all.truth.progress.value_or(0);
   if (progress <= 0 || progress >= 1) return {};
@@ -112,9 +112,9 @@ Summary Monitor::finish(std::string capture_warning) {
   return all;
 }
 
-// A failure ends the figures, not the run.
+// A failure ends the output of figures, not the run.
 void Monitor::write_quality(const Summary& all) {
-  if (!quality_.has_room()) {  // the thread that waits for signals does not wait for a reader
+  if (!quality_.has_room()) {  // the thread that waits for signals must not wait for a reader
     quality_error_ = fmt::format("{}: its reader is too slow; lines of figures are missing", options_.quality_file);
     return;
   }

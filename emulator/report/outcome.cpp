@@ -18,8 +18,8 @@ std::string plural(std::uint64_t count, std::string_view noun) {
 
 bool is_of_others(Refusal refusal) { return refusal == Refusal::other_stream || refusal == Refusal::foreign_sender; }
 
-// Truths of other vehicles and senders do not belong to this run. Truths that a network has repeated are in the run
-// already.
+// Truths of other vehicles and senders do not belong to this run. A truth that the network has repeated is in the
+// run already.
 std::uint64_t refused_truths(const Summary::Truth& truth) {
   std::uint64_t refused = 0;
   for (std::size_t i = 0; i < truth.refused.counts.size(); ++i)
@@ -44,7 +44,7 @@ void judge_end(EndedBy ended_by, std::vector<std::string>& shortfalls) {
   if (ended_by == EndedBy::duration) shortfalls.emplace_back("--for ended it before the capture's end");
 }
 
-// `gaps_allowed`: a requirement limits them. `is_faulty`: faults of truth are configured.
+// `gaps_allowed`: a requirement limits the gaps. `is_faulty`: faults of truth are configured.
 void judge_capture(const Summary::Truth& truth, bool gaps_allowed, bool is_faulty,
                    std::vector<std::string>& shortfalls) {
   const auto no_numbers = is_faulty ? truth.refused.counts[static_cast<std::size_t>(Refusal::not_finite)] : 0;

@@ -18,8 +18,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Returns the process of /proc/NUMBER/stat: "NUMBER (NAME) STATE PARENT ..." (proc(5)); its name is empty if it has
-// ended.
+// Returns the process of /proc/NUMBER/stat: "NUMBER (NAME) STATE PARENT ..." (proc(5)); its name is empty if the
+// process has ended.
 TerminalClient process_of(const fs::path& proc, pid_t process) {
   std::ifstream file(proc / fmt::format("{}/stat", process));
   std::string text;
@@ -33,7 +33,7 @@ TerminalClient process_of(const fs::path& proc, pid_t process) {
 
 using Holders = std::map<pid_t, TerminalClient>;
 
-// Returns the processes that have a terminal open, for each that is a key of `terminals`.
+// Returns, for each terminal that is a key of `terminals`, the processes that have it open.
 std::map<std::string, Holders> holders_of(const TerminalClients& terminals, const fs::path& proc) {
   std::map<std::string, Holders> holders;
   std::error_code error;
