@@ -7,10 +7,11 @@
 
 namespace imud {
 
-// The response of a gyro to acceleration (IEEE Std 952-1997, 3.2, g-sensitivity), or of an accelerometer to that
-// along its other axes. f is the true specific force in platform axes:
+// The response of a gyro to acceleration (IEEE Std 952-1997, 3.2, g-sensitivity), or of an accelerometer to
+// acceleration along its other axes. f is the true specific force in platform axes:
 //   error += G f + H (f_x^2, f_y^2, f_z^2)
-// The mean of the step stands for its course within the step.
+// The mean error of a step is computed from the mean of f over the step: the course of f within the step is
+// neglected.
 class AccelerationSensitivity : public StatelessEffect {
  public:
   static constexpr std::string_view name = "acceleration sensitivity";

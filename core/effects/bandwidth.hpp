@@ -24,19 +24,21 @@ class Bandwidth {
   static constexpr std::string_view name = "bandwidth";
   Bandwidth(const TriadErrors& errors, Quantity, double period_s);
   bool is_on() const noexcept { return on_; }
-  // The step does not leave this function, so that it needs no memory where the filter is off.
+  // The address of the step does not leave this function, so that the step need not be in memory where the filter is
+  // off.
   void apply(TriadStep& step) noexcept {
     if (step.begins_run) is_settled_ = false;
     step.value = next(Vector3(step.value));
   }
   void seek(const Normals&, std::uint64_t) noexcept { is_settled_ = false; }
   void power_on(std::uint64_t) noexcept { is_settled_ = false; }
-  // The same filter goes on; another one settles on its next value.
+  // Continues the state of `before` if both filters have the same parameters. Otherwise the filter settles on its
+  // next value.
   void continue_from(const Bandwidth& before, const Normals&, std::uint64_t) noexcept;
 
   // Allocates memory for set(): boxcars of one stage and at most this length.
   void reserve(int length);
-  // Takes the place of the filter that acts. Boxcars beyond the memory are shortened to it.
+  // Replaces the filter. Boxcars that are longer than the memory of reserve() are shortened.
   void set(const SensorFilter& filter) noexcept;
 
  private:
@@ -56,9 +58,9 @@ class Bandwidth {
   std::array<Section, 2> sections_ = {};
   std::array<bool, 3> passes_ = {};  // axes without a filter
   std::size_t length_ = 1, stages_ = 1;
-  std::size_t oldest_ = 0;       // its place in each stage
+  std::size_t oldest_ = 0;       // index of the oldest input in each stage
   std::vector<Vector3> inputs_;  // the newest `length_` inputs of each stage, stage after stage
-  std::array<Vector3, SensorFilter::max_stages> sums_;  // of these
+  std::array<Vector3, SensorFilter::max_stages> sums_;  // of the inputs of each stage
 };
 
 }  // namespace imud

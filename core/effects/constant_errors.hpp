@@ -1,5 +1,5 @@
-// ConstantErrors: errors that are constant while the power is on, as they are added to the members of TriadErrors
-// that have the same names; or their standard deviations. Cause: why some of them are correlated.
+// ConstantErrors: errors that are constant while the power is on, or the standard deviations of such errors. Each
+// error is added to the member of TriadErrors that has the same name. Cause: why some of these errors are correlated.
 #pragma once
 
 #include <array>
@@ -83,16 +83,18 @@ enum class DrawnLayer : std::uint8_t { unit, turn_on };
 struct Cause {
   std::string name;
   DrawnLayer layer = DrawnLayer::unit;
-  bool is_per_axis = false;  // each axis has a deviate of its own, for the rows of matrices, too; else all have one
-  // The loads, -1 to 1; the squares of an element's loads by all causes add up to at most 1. The bias of a power on
-  // is TriadErrors::turn_on_bias.
+  // True: each axis has its own deviate, which is used for its row of matrices, too. False: the axes share one
+  // deviate.
+  bool is_per_axis = false;
+  // The loads, -1 to 1; the squares of an element's loads by all causes add up to at most 1. In the layer `turn_on`,
+  // the loads of `bias` are for TriadErrors::turn_on_bias.
   ConstantErrors gyro, accelerometer, magnetometer;
 
   // Returns the loads of the triad that measures this quantity.
   const ConstantErrors& loads(Quantity quantity) const noexcept {
     return quantity == Quantity::rate ? gyro : quantity == Quantity::specific_force ? accelerometer : magnetometer;
   }
-  // Returns the deviates of the axes. `number` counts the power ons from 0, and does not matter to a unit's.
+  // Returns the deviates of the axes. `number` counts the power ons from 0; the layer `unit` ignores it.
   Vector3 drawn(const Normals& normals, std::uint64_t number) const noexcept {
     const bool is_of_unit = layer == DrawnLayer::unit;
     const Process process = is_of_unit ? Process::unit_cause : Process::turn_on_cause;

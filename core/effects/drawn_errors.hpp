@@ -9,12 +9,12 @@
 
 namespace imud {
 
-// Each element is sigma n, n ~ N(0, 1), or has a part by causes (Cause). The two layers are independent. Nothing here
-// allocates or throws.
+// These two return the drawn errors of one layer. Each element is sigma n, n ~ N(0, 1); a Cause may determine a part
+// of it. The two layers are independent. Nothing here allocates or throws.
 ConstantErrors drawn_for_unit(const TriadErrors& errors, Quantity quantity, const Normals& normals,
                               std::span<const Cause> causes = {}) noexcept;
-// `number` counts the power ons from 0. The bias is the causes' part of TriadErrors::turn_on_bias: the rest is drawn
-// by TurnOnBias.
+// `number` counts the power ons from 0. The bias returned is only the part of TriadErrors::turn_on_bias that causes
+// determine; TurnOnBias draws the rest.
 ConstantErrors drawn_at_power_on(const TriadErrors& errors, Quantity quantity, const Normals& normals,
                                  std::uint64_t number, std::span<const Cause> causes = {}) noexcept;
 

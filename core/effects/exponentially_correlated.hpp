@@ -27,7 +27,8 @@ class ExponentiallyCorrelated {
     }
   }
   bool is_on() const noexcept { return noise_.is_on(); }
-  // The step does not leave this function, so that it needs no memory where the effect is off.
+  // The address of the step does not leave this function, so that the step need not be in memory where the effect is
+  // off.
   void apply(TriadStep& step) noexcept {
     const Value value = next(step.normals, step.k);
     step.error += value.now;

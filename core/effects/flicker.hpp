@@ -14,8 +14,8 @@ namespace imud {
 //
 // It is the sum of independent exponentially correlated processes, whose correlation times are an octave apart: as
 // many as make the Allan deviation flat within 5 % from `flicker_from_s` to `flicker_to_s`. Each has the variance
-// B^2 ln2/pi, because the density of such a sum is then B^2/(2 pi f); the first and the last have twice as much, in
-// the place of the octaves beyond them. They are stationary from the first sample.
+// B^2 ln2/pi, because the density of such a sum is then B^2/(2 pi f); the first and the last have twice this
+// variance, because they stand for the octaves beyond them, too. The processes are stationary from the first sample.
 //
 // A process of correlation time Tc is computed at most every Tc/16, and linear between: its standard deviation is
 // 1 % less there. Thus a sample costs little more than one addition, with any number of octaves. At averaging times
@@ -26,7 +26,7 @@ class Flicker {
  public:
   static constexpr std::string_view name = "bias instability";
   static constexpr std::size_t max_octaves = 32;
-  static constexpr double nodes = 16;  // of a process, in its correlation time, at least
+  static constexpr double nodes = 16;  // the least number of nodes of a process in its correlation time
   Flicker(const TriadErrors& errors, Quantity quantity, double period_s);
   bool is_on() const noexcept { return on_; }
   void apply(TriadStep& step) noexcept {
@@ -34,7 +34,7 @@ class Flicker {
     step.error += value.now;
     step.mean_error += value.mean;
   }
-  // The time it takes is proportional to k.
+  // The run time is proportional to k.
   void seek(const Normals& normals, std::uint64_t k) noexcept;
   void power_on(std::uint64_t) noexcept {}
   // Each process goes on if it has the same correlation time and stride; otherwise it restarts, stationary.
@@ -68,8 +68,8 @@ class Flicker {
   std::size_t count_;
   std::array<Octave, max_octaves> octaves_;
   Vector3 segment_begin_ = Vector3::Zero(), slope_ = Vector3::Zero();  // of the sum, from sample to sample
-  // Where samples are further apart than Tc/16 of the first process: by how much the mean over a step differs from
-  // the mean of its ends, what is known of it and the standard deviation of what is not.
+  // Where samples are further apart than Tc/16 of the first process: the difference of the mean over a step
+  // from the mean of its ends, for B = 1. `mean_beyond_` is its expected value, `within_` its standard deviation.
   Vector3 mean_beyond_ = Vector3::Zero();
   double within_ = 0;
 };

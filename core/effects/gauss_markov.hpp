@@ -35,8 +35,8 @@ class GaussMarkov {
     x_ = vector_of(select(x > bound, bound, x));
     return x_;
   }
-  // Makes next(k) return its value of the sequence from 0. The run time is
-  // proportional to k unless A is 0.
+  // Makes next(k) return the error that sample k has in the sequence from sample 0. The run time is proportional to k
+  // unless A is 0.
   void seek(const Normals& normals, std::uint64_t k) noexcept {
     x_.setZero();
     if (!on_ || !has_memory_) return;  // white noise

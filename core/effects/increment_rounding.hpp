@@ -36,7 +36,7 @@ class IncrementRounding : public StatelessEffect {
 
  private:
   double lsb_;
-  Vector3 remainder_ = Vector3::Zero();  // that is not known after seek() without the sequence
+  Vector3 remainder_ = Vector3::Zero();  // seek() cannot restore it
 };
 
 }  // namespace imud

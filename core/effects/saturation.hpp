@@ -9,7 +9,8 @@
 
 namespace imud {
 
-// Limits an axis of `value` to the range, and the increment over `dt` with it. Returns true if the value was beyond.
+// Limits an axis of `value` to the range, and the increment over `dt` with it. Returns true if the value was
+// outside of the range.
 inline bool limit_axis(const AxisLimits& range, int axis, double dt, Vector3& value, Vector3& increment) noexcept {
   const double limited = std::clamp(value[axis], range.lower[axis], range.upper[axis]);
   if (limited == value[axis]) return false;

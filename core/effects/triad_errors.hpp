@@ -15,7 +15,7 @@ namespace imud {
 // How a value becomes a multiple of its LSB; `nearest` rounds halves away from zero.
 enum class Rounding : std::uint8_t { toward_zero, nearest, away_from_zero };
 
-// The least and the largest value of each axis, not above and above 0.
+// The limits of the values of each axis: `lower` is at most 0, `upper` is above 0.
 struct AxisLimits {
   Vector3 lower, upper;
 };
@@ -25,7 +25,8 @@ using FirTaps = std::shared_ptr<const std::vector<double>>;
 
 // The errors of three gyros (u is rad/s), accelerometers (m/s^2) or magnetometers (T), one of a kind on each platform
 // axis. The default of every member switches its effect off. Densities are continuous: their spectra do not depend on
-// the sample rate. Each group is the part of the effect that stands above it, whose header has the equation.
+// the sample rate. Each group has the parameters of the effect named above the group; the effect's header has the
+// equation.
 struct TriadErrors {
   // Misalignment
   Matrix3 misalignment = Matrix3::Identity();  // row i: the input axis of sensor i, in platform axes
@@ -73,7 +74,7 @@ struct TriadErrors {
 
   // VibrationRectification
   Matrix3 vibration_rectification = Matrix3::Zero();  // k, u/(m/s^2)^2; column j: of the vibration along axis j
-  double vibration_average = 0;                       // s, not negative; 0: of Imu's vibration alone
+  double vibration_average = 0;                       // s, not negative; 0: only Imu's vibration counts
   Vector3 vibration_mean_square = Vector3::Zero();    // <v^2>, (m/s^2)^2; Imu sets it from its vibration
 
   // WhiteNoise
@@ -99,7 +100,7 @@ struct TriadErrors {
   Vector3 quantization_noise = Vector3::Zero();  // Q, u s, not negative
 
   // FirFilter
-  FirTaps fir_taps;  // the newest value's first
+  FirTaps fir_taps;  // the tap of the newest value is first
 
   // Bandwidth
   SensorFilter filter;
@@ -116,8 +117,8 @@ struct TriadErrors {
   // IncrementRounding
   double increment_lsb = 0.0;  // u s, not negative; 0: no rounding. Above 0, ValueRounding leaves the increments
 
-  // By how much the constant errors above differ from unit to unit, and from one power on to another (the bias there:
-  // turn_on_bias). drawn_errors() adds them; the effects do not know them.
+  // The standard deviations of the constant errors above, from unit to unit and from one power on to another. For the
+  // bias of a power on, see turn_on_bias. drawn_errors() draws these errors; the effects do not read these members.
   ConstantErrors unit_sigma, turn_on_sigma;
 
   // Returns the limits of the axes.

@@ -27,7 +27,7 @@ class TurnOnBias {
     number_ = number;
     drawn_ = false;
   }
-  // A bias of the same standard deviation stays.
+  // Keeps the bias of `before` if both have the same standard deviation. Otherwise the bias is drawn again.
   void continue_from(const TurnOnBias& before, const Normals&, std::uint64_t) noexcept {
     number_ = before.number_;
     drawn_ = before.drawn_ && before.sigma_ == sigma_;

@@ -31,10 +31,10 @@ constexpr double least_rounded_up(Rounding rounding) noexcept {
   }
 }
 
-// The digits of the value (memo Eq. 19), and their change of the increment:
+// The rounding of the value to its LSB (memo Eq. 19), and the change of the increment by that rounding:
 //   m' = m + carried,  m <- lsb round(m'/lsb),  increment <- increment - dt (m' - m - carried)
 // With `carry`, the remainder m' - m is added to the next sample. Increments that have an LSB of their own
-// (IncrementRounding) come from before the rounding of the values, and keep their digits.
+// (IncrementRounding) are not changed by the rounding of the values.
 class ValueRounding {
  public:
   static constexpr std::string_view name = "rounding";
@@ -63,7 +63,7 @@ class ValueRounding {
   double lsb_;
   double least_;
   bool carry_;
-  double share_;  // of the change that the increment has
+  double share_;  // 1: the rounding of the value changes the increment; 0: it does not
   Vector3 remainder_ = Vector3::Zero();
 };
 

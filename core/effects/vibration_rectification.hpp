@@ -10,9 +10,9 @@ namespace imud {
 
 // The shift of the bias by vibration (IEEE Std 1293-2018, vibration rectification error):
 //   error += k <v^2>
-// <v^2> is the mean square of the specific force of Vibration, or with an averaging time the one that a sensor sees,
-// of the truth's own vibration, too. Two filters of first order with that time constant estimate it, with samples of
-// period T and a = 1 - exp(-T/time):
+// <v^2> is the mean square of the specific force of Vibration. With an averaging time, <v^2> is instead estimated
+// from the specific force at the sensor, which contains the truth's own vibration, too. The estimators are two
+// filters of first order with that time constant, with samples of period T and a = 1 - exp(-T/time):
 //   f_bar <- f_bar + a (f - f_bar),  <v^2> <- <v^2> + a ((f - f_bar)^2 - <v^2>)
 // A sine of amplitude A has A^2/2, if its period is short beside the averaging time.
 class VibrationRectification {

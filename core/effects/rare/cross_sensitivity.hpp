@@ -10,7 +10,8 @@ namespace imud {
 // The response to the products of the specific force along two axes: K_ip, K_io and K_po in the model equation of an
 // accelerometer (IEEE Std 1293-2018). f is the true specific force in platform axes:
 //   error += C (f_y f_z, f_z f_x, f_x f_y)
-// The mean of the step stands for its course within the step, as in AccelerationSensitivity, which has the squares.
+// The mean error of a step is computed from the mean of f over the step, as in AccelerationSensitivity, which has the
+// squares.
 class CrossSensitivity : public StatelessEffect {
  public:
   static constexpr std::string_view name = "sensitivity to products of accelerations";

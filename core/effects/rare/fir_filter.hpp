@@ -8,7 +8,7 @@
 
 namespace imud {
 
-// A filter by its taps, of the value alone, as Bandwidth, before which it acts:
+// A filter by its taps. It filters the value alone, as Bandwidth does, and acts before Bandwidth:
 //   m(k) <- sum over i of h(i) m(k - i)
 // It settles on the first value of a run, and on the next value after seek() and power_on(), as if the input had been
 // constant before.
@@ -34,7 +34,8 @@ class FirFilter {
   }
   void seek(const Normals&, std::uint64_t) noexcept { is_settled_ = false; }
   void power_on(std::uint64_t) noexcept { is_settled_ = false; }
-  // The same filter goes on; another one settles on its next value.
+  // Continues the state of `before` if both filters have the same taps. Otherwise the filter settles on its next
+  // value.
   void continue_from(const FirFilter& before, const Normals&, std::uint64_t) noexcept {
     if (!is_on() || !before.is_on() || *taps_ != *before.taps_) return;
     inputs_.assign(before.inputs_.begin(), before.inputs_.end());

@@ -24,10 +24,10 @@ class PopcornNoise {
     step.error += value.now;
     step.mean_error += value.mean;
   }
-  // The time it takes is proportional to k.
+  // The run time is proportional to k.
   void seek(const Normals& normals, std::uint64_t k) noexcept;
   void power_on(std::uint64_t) noexcept {}
-  // The levels go on, and change next when they would have changed.
+  // Continues the levels of `before`. Their next changes come when they would have come without the replacement.
   void continue_from(const PopcornNoise& before, const Normals& normals, std::uint64_t k) noexcept;
 
  private:

@@ -8,8 +8,8 @@
 
 namespace imud {
 
-// Noise that is white in the angle or velocity, as the reading of an angle has it, and as rounding makes it (IEEE Std
-// 952-1997, C.1.6), with samples of period T:
+// Noise that is white in the angle or velocity, such as the noise of reading an angle, and of rounding (IEEE Std
+// 952-1997, C.1.6). With samples of period T:
 //   error += Q (n(k) - n(k - 1))/T,  n ~ N(0, I)
 // so that the sum of the increments has the error Q n(k) of one reading. Its Allan variance is 3 Q^2/tau^2.
 class QuantizationNoise {
