@@ -64,8 +64,8 @@ inline Vector3 right_jacobian(const Vector3& phi, const Vector3& v) {
   return v - even.versine * cross + even.cubic * phi.cross(cross);
 }
 
-// Applies its inverse: d phi/dt = inverse_right_jacobian(phi, omega), for |phi| < 2 pi. (J. E. Bortz, IEEE
-// Transactions on Aerospace and Electronic Systems 7(1), 1971.)
+// Applies the inverse of the right Jacobian: d phi/dt = inverse_right_jacobian(phi, omega), for |phi| < 2 pi. (J. E.
+// Bortz, IEEE Transactions on Aerospace and Electronic Systems 7(1), 1971.)
 inline Vector3 inverse_right_jacobian(const Vector3& phi, const Vector3& omega) {
   // I + 1/2 [phi x] + c [phi x]^2 with c = (1 - h cot h)/|phi|^2, h = |phi|/2. Without cancellation:
   // sin h - h cos h = h^3 (versine - cubic) and |phi|^2 sin h = 4 h^3 sinc.

@@ -30,7 +30,8 @@ enum class DeltaAngle : std::uint8_t {
 
 // The definition of the delta-velocity over a step from t1 to t2.
 enum class DeltaVelocity : std::uint8_t {
-  integral,  // the integral of the specific force in the moving platform axes, as a strapdown accelerometer has it
+  integral,  // the integral of the specific force in the moving platform axes, as a strapdown accelerometer measures
+             // it
   memo,  // Eq. 10-14: the sum of each truth's increment in the body axes at its end, and the difference of omega x r
   end_frame,  // the change of the sensor point's velocity without gravity, resolved in the platform at t2
 };
@@ -44,20 +45,21 @@ struct ImuModel {
   int internal_samples = 1;
   Vector3 r_SB_B = Vector3::Zero();  // m, the lever arm
   Matrix3 dcm_PB = Matrix3::Identity();
-  // rad, standard deviation of a rotation of the platform from there, about each of its axes, that is drawn once for
-  // the unit: v_P = exp(-phi) dcm_PB v_B.
+  // rad, standard deviations of a rotation phi of the platform from dcm_PB, about each of the platform's axes. The
+  // rotation is drawn once for the unit: v_P = exp(-phi) dcm_PB v_B.
   Vector3 alignment_sigma = Vector3::Zero();
   TriadErrors gyro;
   TriadErrors accelerometer;
   Matrix3 accelerometer_positions = Matrix3::Zero();  // m, row i: from S to accelerometer i, in platform axes
   DeltaAngle delta_angle = DeltaAngle::rotation_vector;
   DeltaVelocity delta_velocity = DeltaVelocity::integral;
-  // Each sample is taken by up to this before its nominal instant; not negative, below the sample period.
+  // The most by which a sample is taken before its nominal instant; not negative, below the sample period.
   Nanoseconds sampling_jitter{0};
-  // Each sample is of the truth that long before its instant, which its stamp has; not negative. Before the first
-  // truth of a run the motion is the first truth's.
+  // The time from the truth that a sample measures to the instant and the stamp of the sample; not negative. Before
+  // the first truth of a run the motion is the first truth's.
   Nanoseconds sampling_delay{0};
-  // The owner of the clock acts by these: Imu::sample() is given instants and stamps.
+  // Imu does not use these two. The owner of the clock applies them to the instants and stamps that it passes to
+  // Imu::sample().
   OscillatorModel oscillator;
   StampErrorModel stamp_error;
   VibrationModel vibration;
@@ -79,7 +81,7 @@ inline double internal_period_s(const ImuModel& model) noexcept {
 
 // Returns the rotation vector by which the unit's platform differs from dcm_PB, rad.
 Vector3 drawn_alignment(const ImuModel& model, const Normals& normals) noexcept;
-// Returns by what the unit's field of a current differs from current_field, T/A.
+// Returns the difference of the unit's field of a current from current_field, T/A.
 Vector3 drawn_current_field(const ImuModel& model, const Normals& normals) noexcept;
 
 // One sensor: samples a Timeline, or a vehicle at rest, and adds the errors. Nothing here allocates, locks, throws or
@@ -123,7 +125,7 @@ class Imu {
   }
 
   // Draws the errors that differ from one power on to the next (TriadErrors::turn_on_bias and turn_on_sigma).
-  // `number` counts them from 0, with which an Imu begins. The other errors continue.
+  // `number` counts the power ons; an Imu begins with number 0. The other errors continue.
   void power_on(std::uint64_t number) noexcept;
   // The supply goes off: the sensor cools down until power_on(). Samples may go on.
   void power_off() noexcept { temperature_.power_off(time_since_power_on()); }
@@ -145,8 +147,8 @@ class Imu {
   // the same definitions of the increments. A bias that set_bias() has replaced is not kept.
   void continue_from(const Imu& before) noexcept;
 
-  // Returns the sample at `time`, with the device's own time `stamp`. `time` is not before the last sample of this
-  // run; if it is the same, the sample is held. `timeline` is not empty.
+  // Returns the sample at `time`, with the device's own time `stamp`. `time` must not be before the last sample
+  // of this run; a sample at the same time is held. `timeline` must not be empty.
   Sample sample(const Timeline& timeline, TruthTime time, DeviceTime stamp) noexcept {
     time = time - model_.sampling_delay;
     const bool is_around_hold = time <= sampled_ || (held_.count() | may_catch_up_.count()) != 0;
@@ -162,8 +164,8 @@ class Imu {
   // as one step of the truth.
   Sample sample_at_rest(Nanoseconds since_power_on, DeviceTime stamp) noexcept;
 
-  // Makes the next sample number k, with the errors that it has in the sequence from 0, except for a carried
-  // remainder of rounding. The time it takes is proportional to k where a walk has a memory.
+  // Makes the next sample number k, with the errors that sample k has in the sequence from sample 0, except for a
+  // carried remainder of rounding. The run time is proportional to k where a walk has a memory.
   void seek(std::uint64_t k) noexcept;
   // The motion of the last sample, without any error, in platform axes: rad/s and m/s^2. Zero before the first one.
   const Vector3& true_rate() const noexcept { return true_rate_; }

@@ -40,8 +40,8 @@ class Oscillator {
   bool is_on() const noexcept { return is_on_; }
   // Returns true if next() needs the truth's temperature.
   bool follows_truth() const noexcept { return temperature_.follows_truth(); }
-  // Returns by how much the period after sample `k` is longer than the grid's. Called once for each sample, in their
-  // order. What rounding to ns leaves goes into the next period. `truth_c`: of the surroundings, degrees Celsius.
+  // Returns the period after sample `k` less the grid's period. Must be called once for each sample, in their order.
+  // The remainder of the rounding to ns is added to the next period. `truth_c`: degrees Celsius, of the surroundings.
   Nanoseconds next(const Normals& normals, std::uint64_t k, std::optional<double> truth_c) noexcept;
   // Goes on from the wander and the time since power on of `before`.
   void continue_from(const Oscillator& before) noexcept;
@@ -52,9 +52,9 @@ class Oscillator {
   double counted_s_, true_s_;  // a period as the clock counts it, and the grid's
   bool is_on_;
   double wander_ = 0;          // x
-  double rest_ns_ = 0;         // of rounding
-  double since_s_ = 0;         // power on, at period 0 below
-  std::uint64_t periods_ = 0;  // since then
+  double rest_ns_ = 0;         // the remainder of the rounding
+  double since_s_ = 0;         // from the power on to the first of `periods_`
+  std::uint64_t periods_ = 0;  // so far, since the construction or continue_from()
 };
 
 }  // namespace imud

@@ -31,8 +31,8 @@ struct EarthModel {
   double latitude = 0, longitude = 0, height = 0;
   bool is_rest_known = false;  // automatic only: the vehicle at rest is at that place; false: its place is unknown
   Vector3 rest_yaw_pitch_roll = Vector3::Zero();  // rad, of B relative to L, at rest
-  // rad, from N's x axis to the prime meridian at truth time 0; inertial only. The truth's own takes its place where
-  // they differ by more than largest_angle_error.
+  // rad, from N's x axis to the prime meridian at truth time 0; inertial only. The truth's own angle is used instead
+  // where the two differ by more than largest_angle_error.
   double angle = 0;
   static constexpr double largest_angle_error = 1e-5;  // rad, 64 m at the equator
   std::int64_t start_gps_ns = 0;                       // GPS time at truth time 0, ns since 1980-01-06
@@ -47,11 +47,12 @@ double earth_rotation_angle(std::int64_t utc_s) noexcept;
 // Returns the pressure, Pa, at a geopotential altitude, m (U.S. Standard Atmosphere 1976, Eq. 33a and 33b). Above
 // 84.852 km, where the standard ends, the temperature stays constant; below sea level the lowest layer continues.
 double standard_pressure(double geopotential_m) noexcept;
-// Returns the geopotential altitude, m, that has this pressure, Pa, above 0: the inverse.
+// Returns the geopotential altitude, m, that has this pressure, Pa, above 0: the inverse of
+// standard_pressure().
 double standard_altitude(double pressure) noexcept;
 // Returns the geopotential altitude, m, of a height, m, above -6 356 766 (U.S. Standard Atmosphere 1976, Eq. 18).
 double geopotential_altitude(double height_m) noexcept;
-// Returns the height, m, of a geopotential altitude, m, below 6 356 766: the inverse.
+// Returns the height, m, of a geopotential altitude, m, below 6 356 766: the inverse of geopotential_altitude().
 double height_of(double geopotential_m) noexcept;
 
 // Returns normal gravity, gravitation and centrifugal acceleration together, m/s^2, at a latitude and a height above
@@ -59,7 +60,8 @@ double height_of(double geopotential_m) noexcept;
 // equator up to 10 km).
 double normal_gravity(double latitude, double height) noexcept;
 
-// Return the position in E, m, of a place, and the place of a position, which is at least 6000 km from the centre.
+// The first returns the position in E, m, of a place, the second the place of a position. The position must be at
+// least 6000 km from the Earth's centre.
 Vector3 r_E_of(const Geodetic& place) noexcept;
 Geodetic geodetic_of(const Vector3& r_E) noexcept;
 
@@ -70,7 +72,8 @@ Matrix3 dcm_EL(double latitude, double longitude) noexcept;
 // north, east and down of the plane that touches the Earth there.
 Vector3 r_L_from_origin(const Navigation& navigation) noexcept;
 
-// Moves a known place by `offset_L`, m, in the axes of L at the place before. Its velocity keeps its components.
+// Moves a known place by `offset_L`, m, in the axes of L at the place before the move. The components of v_L do
+// not change.
 void move(Navigation& navigation, const Vector3& offset_L) noexcept;
 
 // The Earth in relation to the truth's frame N. Immutable.
@@ -82,8 +85,9 @@ class Earth {
   bool is_on() const noexcept { return model_.frame != EarthModel::Frame::none; }
   // Returns whether navigation() knows a place only by PositionVelocity::earth_angle.
   bool is_automatic() const noexcept { return model_.frame == EarthModel::Frame::automatic; }
-  // Returns the place of a point. It is unknown if `position` is, or if the point is more than some 100 km below the
-  // surface. A position with an earth_angle is one in an inertial N, whatever the model's frame.
+  // Returns the place of a point. The place is unknown if `position` is unknown, or if the point is more than some
+  // 100 km below the surface. A position with an earth_angle is taken to be in an inertial N, whatever the model's
+  // frame.
   Navigation navigation(const PositionVelocity& position) const noexcept;
   // Returns position and velocity in N of a known place, of which r_E and v_L are used; the inverse of navigation().
   // `earth_angle` as in PositionVelocity.

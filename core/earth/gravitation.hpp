@@ -15,7 +15,7 @@ struct GravitationModel {
     constant,   // along N's z axis, which points down
     j2,         // the Earth's centre is N's origin, its axis N's z: central, and the zonal harmonic of degree 2
     wgs84,      // the whole normal gravity field of the ellipsoid WGS 84
-    automatic,  // wgs84 at a position that is near the Earth; constant at any other, which is one in a local level
+    automatic,  // wgs84 at a position that is near the Earth; constant at any other, taken as in a local level
   };
   Kind kind = Kind::automatic;
   double constant = 9.80665;  // m/s^2
@@ -24,12 +24,12 @@ struct GravitationModel {
   bool needs_position() const noexcept { return kind == Kind::j2 || kind == Kind::wgs84; }
 };
 
-// Returns whether a position relative to the Earth's centre, m, is where the models of its field are valid: outside
-// of half of its radius.
+// Returns whether the models of the Earth's field are valid at a position relative to the Earth's centre, m: whether
+// the position is more than half of the Earth's radius from the centre.
 bool is_near_earth(const Vector3& r_N) noexcept;
 
-// Returns the gravitation at a position, m, in N, m/s^2; 0 where the model needs a position that is near the Earth,
-// and this one is not. The same bits on every machine.
+// Returns the gravitation at a position, m, in N, m/s^2; 0 if the model needs a position near the Earth and `r_N`
+// is not near it (is_near_earth()). The same bits on every machine.
 //
 // wgs84: NGA.STND.0036, the closed formulas of section 4.2 in ellipsoidal coordinates, without the terms of the
 // centrifugal acceleration. q and q' are the series of Heiskanen and Moritz, Physical Geodesy, section 2-7, as the

@@ -25,8 +25,9 @@ struct BarometerErrors {
   double reference_temperature_c = 25;
   double lsb = 0;                             // Pa, not negative; 0: no rounding
   double least = 0, largest = huge_pressure;  // Pa: the range
-  // The port's error in units of the dynamic pressure q, at the angles of attack alpha and of sideslip beta, rad,
-  // which flow along the body's x axis does not have; z points down. Without wind both come from the velocity.
+  // The port's error in units of the dynamic pressure q, at the angles of attack alpha and of sideslip beta, rad.
+  // Both angles are 0 if the air flows along the body's x axis; z points down. Without wind both follow from the
+  // velocity.
   //   p <- p + q (c + c_alpha alpha + c_beta beta^2)
   double port = 0, port_per_attack = 0, port_per_sideslip2 = 0;
   double port_sigma = 0;  // standard deviation of c from unit to unit, not negative
@@ -73,7 +74,7 @@ class Barometer {
         drift_(Vector3(errors.drift, 0, 0), Vector3::Constant(errors.drift_correlation_s), period_s,
                Quantity::pressure) {}
 
-  // The errors that differ from unit to unit: Pa, and of `port`.
+  // The errors that differ from unit to unit: of the pressure, Pa, and of the coefficient `port`.
   struct Drawn {
     double bias = 0, port = 0;
   };
@@ -83,15 +84,15 @@ class Barometer {
     };
     return {draw(errors.bias_sigma, 0), draw(errors.port_sigma, 1)};
   }
-  // Adds what is drawn for the unit; to be called once.
+  // Adds the errors that are drawn for the unit. Must be called only once.
   void draw(const Normals& of_unit) noexcept {
     const Drawn drawn_for_unit = drawn(errors_, of_unit);
     drawn_ = drawn_for_unit.bias;
     errors_.port += drawn_for_unit.port;
   }
   const BarometerErrors& errors() const noexcept { return errors_; }
-  // Returns the measured pressure of sample k, Pa, of the one at the port, at this temperature, degrees Celsius. The
-  // last call was for sample k - 1, or seek(k).
+  // Returns the measured pressure of sample k, Pa. `pressure`: Pa, at the port; `temperature_c`: degrees Celsius, of
+  // the sensor. The last call must have been for sample k - 1, or seek(k).
   double measure(double pressure, const Normals& normals, std::uint64_t k, double temperature_c = 25) noexcept {
     if (!is_settled_) lagged_ = pressure;
     is_settled_ = true;
@@ -107,8 +108,8 @@ class Barometer {
   void pass(const Normals& normals, std::uint64_t k) noexcept {
     if (drift_.is_on()) drift_.next(normals, k);
   }
-  // Makes sample k the next, with the drift that it has in the sequence from 0; the lag settles on it. The time it
-  // takes is proportional to k if there is a drift.
+  // Makes sample k the next, with the drift that sample k has in the sequence from sample 0. The lag settles on the
+  // pressure of sample k. The run time is proportional to k if there is a drift.
   void seek(const Normals& normals, std::uint64_t k) noexcept {
     is_settled_ = false;
     drift_.seek(normals, k);

@@ -12,7 +12,7 @@ struct TemperatureModel {
   // The surroundings: linear between points, constant before the first and after the last. Times, s, ascend; as many
   // temperatures, degrees Celsius, as times. Empty: constant.
   std::vector<double> profile_s, profile_c;
-  bool from_truth = false;  // the truth's temperature, where it has one, takes the place of these
+  bool from_truth = false;  // the truth's temperature, where there is one, replaces the profile
   double warm_up_c = 0;     // by which the sensor becomes warmer than its surroundings
   double warm_up_s = 600;   // time constant, above 0
   double cool_down_s = 0;   // time constant without power, not negative; 0: warm_up_s
@@ -41,16 +41,17 @@ class Temperature {
   bool follows_truth() const noexcept { return model_.from_truth; }
   // Computes the temperatures of the sample at `t`, s, later than the last; `truth_c`: of the surroundings.
   [[gnu::noinline]] void update(double t, std::optional<double> truth_c) noexcept;
-  // The power goes off, or comes on, at `t`; the next times count from there if it comes on.
+  // Switch the power off, or on, at `t`, s. After power_on() the times of later calls count from that instant.
   void power_off(double t) noexcept;
   void power_on(double t) noexcept;
   // Goes on from the temperature of `before` until the next update(), and from its warm-up.
   void continue_from(const Temperature& before) noexcept;
-  // Return degrees Celsius, as update() has computed them, and K/s, the mean derivative between the last two.
+  // Return the temperatures that the last update() has computed, degrees Celsius, and the mean derivative of the
+  // sensor's temperature between the last two updates, K/s.
   double sensor_c() const noexcept { return sensor_c_; }
   double sensor_rate() const noexcept { return sensor_rate_; }
   double reported_c() const noexcept { return reported_c_; }
-  // Return degrees Celsius at `t`, s.
+  // Return the sensor's temperature and the reported one at `t`, s, in degrees Celsius.
   double at(double t, std::optional<double> truth_c = {}) const noexcept;
   double reported(double t) const noexcept;
 
@@ -63,7 +64,7 @@ class Temperature {
   double constant_c_;
   bool on_;
   double sensor_c_ = constant_c_, reported_c_ = constant_c_;
-  double measurement_ = -1;  // the number of the one that is reported
+  double measurement_ = -1;  // the number of the measurement that is reported
   double sensor_rate_ = 0;
   std::optional<double> updated_s_;  // the time of the last update() since power on
   double share_ = 0;                 // of warm_up_c, at the last change of the power,

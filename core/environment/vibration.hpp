@@ -34,8 +34,8 @@ struct VibrationModel {
   std::vector<Harmonic> harmonics;
 
   // One-sided spectral densities at breakpoints, between which their logarithm is linear in the logarithm of the
-  // frequency, as environmental standards have them (MIL-STD-810, method 514). Frequencies ascend and are as above;
-  // densities are above 0, as many as frequencies, or none.
+  // frequency, as in environmental standards (MIL-STD-810, method 514). Frequencies ascend, in the range of
+  // Sine::frequency_hz. Densities are above 0; each list is as long as the list of frequencies, or empty.
   struct Spectrum {
     std::vector<double> frequency_hz;
     std::vector<double> force;       // (m/s^2)^2/Hz
@@ -70,7 +70,8 @@ struct SensorInput {
 // their frequencies. Each has the power of its band, exactly. The vibration depends on seed, imu and time alone.
 //
 // A harmonic has the phase that its frequency accumulates from sample to sample. Its integral over a step is exact
-// for a constant speed, and the one of an envelope has the mean of the factors at both ends.
+// for a constant speed. With an envelope, the integrals are multiplied by the mean of the factors at both ends of the
+// step.
 //
 // The constructor allocates; nothing else allocates, locks or throws. Not thread-safe.
 class Vibration {
@@ -78,13 +79,14 @@ class Vibration {
   Vibration(const VibrationModel& model, const Normals& normals);
   bool is_on() const noexcept { return !lines_.empty(); }
 
-  // Return whether the amplitude or a frequency follows the truth, and whether it needs this state of the vehicle.
+  // Returns whether the amplitude or a frequency follows the truth.
   bool follows() const noexcept { return has_harmonics_ || !envelope_.at.empty(); }
-  // Sets the truth that it follows at the next add_to(): the state of the envelope, and the speed of the rotor,
-  // rad/s. Without them, as for a vehicle at rest, the factor is the one of 0, and the rotor stands still.
+  // Sets the truth that the next add_to() follows: the state of the envelope, in SI, and the speed of the rotor,
+  // rad/s. Without a state, as for a vehicle at rest, the envelope has its factor at state 0. Without a speed, the
+  // rotor stands still.
   void follow(TruthTime time, std::optional<double> state, std::optional<double> rotor_speed) noexcept;
   std::optional<VehicleState> followed() const noexcept { return envelope_.of; }
-  // Returns the factor on the mean square.
+  // Returns the present factor on the mean square of the vibration.
   double power_factor() const noexcept { return factor_ * factor_; }
   // Goes on with the phases of `before`.
   void continue_from(const Vibration& before) noexcept;

@@ -40,9 +40,10 @@ class Sky {
   // Returns whether there is an almanac.
   bool is_on() const noexcept { return !orbits_.empty(); }
   // Writes the satellites, the dilutions and the factor of the accuracy to a known place. Returns false, and leaves
-  // it as it is, if fewer than four satellites are seen, or all in one cone.
+  // `navigation` unchanged, if fewer than four satellites are seen, or all in one cone.
   bool look(Navigation& navigation) noexcept;
-  // Returns by what the reflections displace the place of the last look() that returned true, m, north, east, down.
+  // Returns the displacement, by reflections, of the place of the last look() that returned true: m, north, east,
+  // down.
   Vector3 displacement(const Normals& normals) const noexcept;
 
  private:
