@@ -51,8 +51,8 @@ class NavigationError {
   bool is_on() const noexcept { return on_; }
   Nanoseconds latency() const noexcept { return errors_.latency; }
 
-  // Adds the errors of sample k to its place, if that is known, and to its attitude. With too few satellites there is
-  // no place. The last call was for sample k - 1, or seek(k).
+  // Adds the errors of sample k to its place, if the place is known, and to its attitude. With too few satellites the
+  // place becomes unknown. The last call must have been for sample k - 1, or seek(k).
   void apply(Sample& sample, const Normals& normals, std::uint64_t k) noexcept {
     if (attitude_.is_on()) sample.q_LP = exp(attitude_.next(normals, k)) * sample.q_LP;
     Vector3 position = Vector3::Zero(), velocity = Vector3::Zero();
@@ -77,8 +77,8 @@ class NavigationError {
     sample.navigation.gps_ns += static_cast<std::int64_t>(1e9 * time_.value().x());
     move(sample.navigation, position);
   }
-  // Makes sample k the next, with the errors that it has in the sequence from 0. The time it takes is proportional to
-  // k.
+  // Makes sample k the next, with the errors that sample k has in the sequence from sample 0. The run time is
+  // proportional to k.
   void seek(const Normals& normals, std::uint64_t k) noexcept {
     position_.seek(normals, k);
     velocity_.seek(normals, k);

@@ -13,16 +13,17 @@ struct Requirement {
   enum class Relation : std::uint8_t { at_least, at_most, equal, more, less };
 
   std::string text;    // as it was given
-  std::string figure;  // its name, "imu1.samples"; the reader of the requirement knows which there are
+  std::string figure;  // its name, "imu1.samples"; who evaluates the requirement knows the names
   Relation relation = Relation::equal;
   double limit = 0;      // in the figure's unit, or percent
   bool percent = false;  // of the whole that belongs to the figure
 
-  // Returns true if `value` keeps the limit. `whole` is what 100 % is; of a whole of 0 every value is 0 %.
+  // Returns true if `value` keeps the limit. `whole` is 100 %. If `whole` is 0, every value counts as 0 %.
   bool holds(double value, double whole) const noexcept;
 };
 
-// A requirement that cannot be read, or is about a figure that there is not. Its text has the remedy.
+// Thrown for a requirement that cannot be read, or that names a figure that does not exist. The text says how to mend
+// the requirement.
 struct RequirementError : std::invalid_argument {
   using std::invalid_argument::invalid_argument;
 };

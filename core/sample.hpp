@@ -14,11 +14,11 @@ namespace status {
 inline constexpr std::uint32_t gyro_saturated_x = 1U << 0;           // y and z are the next two bits
 inline constexpr std::uint32_t accelerometer_saturated_x = 1U << 3;  // y and z: the next two
 inline constexpr std::uint32_t truth_extrapolated = 1U << 6;         // the newest truth was older than the sample
-inline constexpr std::uint32_t truth_stale = 1U << 7;                // it was so old that motion was held
-inline constexpr std::uint32_t not_valid = 1U << 8;                  // the sensor marks the sample as no measurement
-inline constexpr std::uint32_t at_rest = 1U << 9;                    // there was no truth yet: the vehicle is at rest
-inline constexpr std::uint32_t rate_derived = 1U << 10;              // the truth's rate was derived from attitudes
-inline constexpr std::uint32_t force_derived = 1U << 11;     // its specific force, from positions or velocities
+inline constexpr std::uint32_t truth_stale = 1U << 7;        // the newest truth was so old that motion was held
+inline constexpr std::uint32_t not_valid = 1U << 8;          // the sensor marks the sample as no measurement
+inline constexpr std::uint32_t at_rest = 1U << 9;            // there was no truth yet: the vehicle is at rest
+inline constexpr std::uint32_t rate_derived = 1U << 10;      // the truth's rate was derived from attitudes
+inline constexpr std::uint32_t force_derived = 1U << 11;     // the truth's specific force was derived from poses
 inline constexpr std::uint32_t self_test_failed = 1U << 12;  // the sensor's self test reports a failure
 }  // namespace status
 
@@ -36,14 +36,14 @@ struct Dilution {
     return position > 0 ? *this : constants;
   }
 };
-// A receiver's under an open sky; chosen.
+// The dilutions of a receiver under an open sky; chosen.
 inline constexpr Dilution open_sky = {1.65F, 1.44F, 0.80F, 1.20F, 0.80F, 0.57F, 0.57F};
 
 // A place and the time of a sample on the Earth (frames E and L: core/README.md).
 struct Navigation {
   bool is_known = false;               // if not, place, time and velocity are 0
-  std::uint8_t satellites = 12;        // that a receiver with a fix uses
-  float accuracy_factor = 1;           // on the accuracies of position and velocity that receivers and filters report
+  std::uint8_t satellites = 12;        // the number that a receiver with a fix uses
+  float accuracy_factor = 1;           // the factor on the reported accuracies of position and velocity
   Dilution dilution = {};              // of a receiver with an almanac (gnss/sky.hpp)
   std::int64_t gps_ns = 0;             // GPS time, ns since 1980-01-06
   double latitude = 0, longitude = 0;  // rad, geodetic, WGS 84
@@ -70,12 +70,12 @@ struct Solution {
   enum class State : std::uint8_t {
     aligning,  // the attitude is by gravity and the magnetic field; there is no place
     coasting,  // attitude and place are the filter's, without a fix of the receiver
-    aided,     // they are the filter's, with fixes
+    aided,     // attitude and place are the filter's, with fixes of the receiver
     levelled,  // the attitude is the filter's, which has no place: an attitude and heading reference
   };
   State state = State::aligning;
-  // Bits of namespace aid: of each aid, whether it was used or rejected when it was due last; neither if it was
-  // missing.
+  // Bits of namespace aid: whether an aid was used, or rejected, when it was last due. Neither bit is set if the aid
+  // was missing.
   std::uint16_t used = 0, rejected = 0;
   float since_fix_s = 0;  // since the last fix that was used
   // Standard deviations by the filter's covariance, of rotations about north, east, down, rad; m/s; m.
@@ -93,11 +93,11 @@ struct Sample {
   DeviceTime stamp() const noexcept { return time + Nanoseconds{stamp_error_ns}; }
   // The fix of the unit's receiver.
   const Navigation& fix() const noexcept { return solution ? solution->receiver : navigation; }
-  // The place that has the GPS time: while a filter has none, the receiver's.
+  // The place whose GPS time is reported: the receiver's fix while a filter has no place.
   const Navigation& timed() const noexcept { return navigation.is_known ? navigation : fix(); }
 
   DeviceTime time;                           // the device's own time at the end of the step
-  std::uint64_t counter = 0;                 // 0 for the first sample after start, one more with each
+  std::uint64_t counter = 0;                 // the number of the sample: 0 for the first after the start
   Vector3 rate = Vector3::Zero();            // rad/s, at `time`
   Vector3 specific_force = Vector3::Zero();  // m/s^2, at `time`
   Vector3 delta_angle = Vector3::Zero();     // rad, over the step that ends at `time`; 0 in the first sample of a run
@@ -112,7 +112,7 @@ struct Sample {
   Vector3 magnetic_field = Vector3::Zero();  // T; 0 where the place is unknown
   double pressure = 0;                       // Pa; 0 if unknown
   std::uint32_t status = 0;                  // bits of namespace status
-  std::int32_t stamp_error_ns = 0;           // by which stamp() is off, ns
+  std::int32_t stamp_error_ns = 0;           // the error of stamp()
 };
 
 // Sums of the increments of several samples, for products that send fewer samples than they take.

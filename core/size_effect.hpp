@@ -1,4 +1,4 @@
-// SizeEffect: the accelerometers of a sensor are not at one point.
+// SizeEffect: the errors that arise because the accelerometers of a sensor are not at one point.
 #pragma once
 
 #include "core/numbers/lanes.hpp"
@@ -27,7 +27,7 @@ class SizeEffect {
 
   // Extends the sum of omega x (omega x rho_i) by its integral between two states of a smooth motion.
   void add_piece(const MotionState& begin, const MotionState& end, double h) noexcept;
-  // Adds the difference at `now` to the values, m/s^2.
+  // Adds the differences of the specific forces at `now` to the values, m/s^2, in platform axes.
   void add_to_values(const MotionState& now, Vector3& values) const noexcept;
   // Returns the difference of the increments over the step from `last` to `now`, for which the sum was extended, m/s.
   Vector3 increments(const MotionBegin& last, const MotionState& now, DeltaVelocity definition) const noexcept;

@@ -60,7 +60,7 @@ class Grid {
   constexpr Nanoseconds nominal_offset(std::uint64_t k) const { return phase_ + steps(k, 1'000'000'000U); }
 
   // The first returns the time that the clock counts in the true time `elapsed`, the second the true time in which
-  // it counts `counted`. Both are valid within +-9 years and rounded to the nearest ns.
+  // the clock counts `counted`. Both are valid within +-9 years and rounded to the nearest ns.
   constexpr Nanoseconds counted(Nanoseconds elapsed) const { return scaled(elapsed, clock_rate_, 1'000'000'000U); }
   constexpr Nanoseconds elapsed(Nanoseconds counted) const { return scaled(counted, 1'000'000'000U, clock_rate_); }
 
@@ -97,7 +97,7 @@ class Grid {
   constexpr Nanoseconds phase() const { return phase_; }
   // Returns the mean time between two instants, rounded to the nearest ns.
   constexpr Nanoseconds period() const { return steps(1, clock_rate_); }
-  // Return that time, s, and the same as the clock counts it.
+  // Return the mean time between two instants in true time, s, and as the clock counts it, s.
   constexpr double period_s() const { return 1e9 * nominal_period_s() / static_cast<double>(clock_rate_); }
   constexpr double nominal_period_s() const { return 1e6 / static_cast<double>(rate_uhz_); }
 

@@ -56,13 +56,13 @@ struct PositionVelocity {
 
 // The result of Timeline::push().
 enum class Admission : std::uint8_t {
-  accepted,   // it is now the newest
-  inserted,   // accepted: it arrived after a later truth, but is later than the watermark
-  new_run,    // accepted: the timeline has discarded all others and begins a run with it
+  accepted,   // the truth is now the newest
+  inserted,   // accepted: the truth arrived after one of a later time, but its time is after the watermark
+  new_run,    // accepted: the timeline has discarded all other truths, and the truth begins a run
   duplicate,  // refused: there is a truth of this instant
-  reordered,  // refused: it arrived after a later truth, and is not later than the watermark
-  time_back,  // refused: it was sent after the newest, but its time is earlier
-  time_jump,  // refused: its time is further ahead of the newest than Limits::max_gap
+  reordered,  // refused: the truth arrived after one of a later time, and its time is not after the watermark
+  time_back,  // refused: the truth was sent after the newest, but its time is earlier
+  time_jump,  // refused: the truth's time is further ahead of the newest than Limits::max_gap
 };
 
 // Between two truths the attitude is q_0 * exp(phi), phi being the cubic Hermite curve on the rotation vector whose
@@ -91,7 +91,8 @@ class Timeline {
     // gap_begins_run is true.
     // Above 0.
     Nanoseconds max_gap = std::chrono::seconds(60);
-    // If true, such a truth is not refused but begins a new run: in a capture it is no error of a network.
+    // If true, a truth further ahead than max_gap is not refused but begins a new run: in a capture such a gap is no
+    // error of a network.
     bool gap_begins_run = false;
     // If this many truths in a row are refused, each later than the one before by at most max_gap, the simulator was
     // restarted: the last of them begins a new run. The number for truths within 1 s of the newest is higher, because
@@ -116,7 +117,7 @@ class Timeline {
   // Discards all truths but the newest, which becomes the first of a run. Must not be called if empty().
   void forget_past() noexcept;
 
-  // Returns whether the next truth would displace one that at(`time`) needs.
+  // Returns whether the next truth would displace a truth that at(`time`) needs.
   bool is_full_for(TruthTime time) const noexcept { return count_ == capacity && knot(1).state.time > time; }
 
   bool empty() const noexcept { return count_ == 0; }
@@ -161,7 +162,8 @@ class Timeline {
   bool has_surroundings() const noexcept { return has_surroundings_; }
   bool has_earth_angle() const noexcept { return has_earth_angle_; }
 
-  // Returns the time of the first truth after `time`, or `never`. at() is smooth between `time` and there.
+  // Returns the time of the first truth after `time`, or `never` if there is none. at() is smooth from `time` to that
+  // truth.
   TruthTime next_truth(TruthTime time) const noexcept;
 
   static constexpr TruthTime never{std::numeric_limits<std::int64_t>::max()};
@@ -180,7 +182,7 @@ class Timeline {
     bool is_rate_derived = false, follows_gap = false;
     Vector3 specific_force_N = Vector3::Zero();
     // The curve from the truth before to this one.
-    double h_s = 0;                        // its length; 0 for the first truth of a run
+    double h_s = 0;                        // the length of the curve; 0 for the first truth of a run
     Vector3 phi = Vector3::Zero();         // rad, whole rotation vector
     Vector3 phi_slope = Vector3::Zero();   // rad/s, d phi/dt at this end
     bool is_quintic = false;               // the curve has the angular accelerations
@@ -216,7 +218,7 @@ class Timeline {
 
   Limits limits_;
   std::vector<Knot> knots_;  // ring
-  // The states in the truth of a knot, if it has the knot's time; otherwise it has none.
+  // The vehicle's states in the truth of a knot. A different `time` than the knot's means that its truth has none.
   struct VehicleAt {
     TruthTime time = never;
     VehicleStates states;

@@ -38,7 +38,7 @@ namespace imud {
 // All effects, in the order in which they act. Effects on the truth are first, because bias and noise arise behind
 // the input axes and are not scaled by them. The filter acts on the motion and the noise alike, before the
 // converter rounds. Saturation is last, as in the memo, so that no value is beyond the range. The increments
-// that it leaves are rounded.
+// are rounded after Saturation.
 using TriadEffects = std::tuple<Misalignment, DeadZone, ScaleFactor, Nonlinearity, TemperatureScale,  // on the truth
                                 Bias, TemperatureBias, ThermalDrift, GaussMarkov, TurnOnBias, Ramp,   // added
                                 AccelerationSensitivity, CrossSensitivity, VibrationRectification,    // added
@@ -58,7 +58,7 @@ inline constexpr bool is_of_memo = []<class... Memo>(std::tuple<Memo...>*) {
   return (std::is_same_v<Effect, Memo> || ...);
 }(static_cast<std::tuple<ScaleFactor, Bias, GaussMarkov, AddErrors, ValueRounding, Saturation>*>(nullptr));
 
-// True for the effects that hardly any sensor has: Triad::apply() may leave them out.
+// True for the effects that hardly any sensor has. Triad::apply<false>() leaves these effects out.
 template <class Effect>
 inline constexpr bool is_rare =
     []<class... Rare>(std::tuple<Rare...>*) {
@@ -99,8 +99,8 @@ class Triad {
       });
   }
   bool has_rare() const noexcept { return has_rare_; }
-  // Makes the next sample number k, with the errors that it has in the sequence from 0, except for the remainders of
-  // rounding. The time it takes is proportional to k where an effect has a memory.
+  // Makes the next sample number k, with the errors that sample k has in the sequence from sample 0, except for the
+  // remainders of rounding. The run time is proportional to k where an effect has a memory.
   void seek(const Normals& normals, std::uint64_t k) noexcept {
     each([&normals, k](auto& effect) { effect.seek(normals, k); });
   }

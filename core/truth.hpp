@@ -33,7 +33,7 @@ class VehicleStates {
     value_[static_cast<std::size_t>(state)] = value;
     given_ |= bit(state);
   }
-  // Returns whether the magnitudes of all that are given are at most `limit`; false if one is not a number.
+  // Returns whether the magnitudes of all given states are at most `limit`; false if a given state is not a number.
   bool are_within(double limit) const noexcept;
 
  private:
@@ -56,17 +56,17 @@ struct Truth {
   std::uint32_t sequence = 0;  // the sender's number of this truth, modulo 2^32; 0 where the format has none
   bool acknowledge = false;    // the sender waits for an acknowledgement (lockstep)
   bool new_run = false;        // the sender marks the first truth of a new run
-  ClockStamp stamp;            // when the simulation has the time `time`
+  ClockStamp stamp;            // the instant at which the simulation has the time `time`
 
   bool has_position = false;
   Vector3 r_BN_N = Vector3::Zero();  // m; position of B's origin
   bool has_velocity = false;
-  Vector3 v_BN_N = Vector3::Zero();          // m/s; its velocity
+  Vector3 v_BN_N = Vector3::Zero();          // m/s; the velocity of B's origin
   Quaternion q_NB = Quaternion::Identity();  // unit; v_N = q_NB * v_B
   bool has_rate = true;
   Vector3 omega_BN_B = Vector3::Zero();  // rad/s; 0 if it is not given
 
-  // N's origin is the Earth's centre and its z axis the Earth's axis of rotation, to the north.
+  // True if N's origin is the Earth's centre, and N's z axis the Earth's axis of rotation, to the north.
   bool has_earth_angle = false;
   double earth_angle = 0;  // rad, from N's x axis to the prime meridian at truth time 0
   bool has_date = false;

@@ -24,7 +24,8 @@ class GaussMarkov {
   bool is_on() const noexcept { return on_; }
   void apply(TriadStep& step) noexcept { step.constant_error += next(step.normals, step.k); }
 
-  // Returns the error x of sample k, until the next call. The last call was next(k - 1) or seek(k), or k is 0.
+  // Returns the error x of sample k, valid until the next call. The last call must have been next(k - 1) or seek(k),
+  // unless k is 0.
   // `normals` must be the same in all calls.
   const Vector3& next(const Normals& normals, std::uint64_t k) noexcept {
     if (!on_) return x_;

@@ -57,7 +57,8 @@ class AttitudeFilter {
   // The covariance at the end of the last period; symmetric.
   const Covariance& covariance() const noexcept { return P_; }
   const AttitudeTuning& tuning() const noexcept { return tuning_; }
-  // The variance, m^2/s^4, of the acceleration for which the last period allowed, beside the quiet vehicle's.
+  // Returns the variance, m^2/s^4, of the vehicle's acceleration for which the last period allowed, without the quiet
+  // vehicle's A0^2.
   double manoeuvre2() const noexcept { return manoeuvre2_; }
 
   // Begins at an attitude without a bias, with that covariance.
@@ -74,8 +75,8 @@ class AttitudeFilter {
   // Returns the square of the innovation in units of its variance.
   double normalized_square(const Heading& heading) const noexcept;
   void update(const Heading& heading) noexcept;
-  // Turns the attitude about down by an angle, rad. The heading has been set: its error has that variance, rad^2,
-  // above 0, and no correlation.
+  // Turns the attitude about down by `angle`, rad, so that its heading is set. The error of the heading has then the
+  // variance `variance`, rad^2, above 0, and no correlation with the other states.
   void turn(double angle, double variance) noexcept;
   // Sets whether the direction of the specific force is used. Default: it is.
   void set_levelling(bool is_on) noexcept { levels_ = is_on; }

@@ -16,12 +16,12 @@ namespace imud {
 // An attitude and heading reference: replaces the attitude of each sample by the filter's. It needs no place.
 // Velocity and position of the samples stay as they are.
 //
-// For NavigatorModel::alignment_s it is levelled by the mean of the specific force, and turned north by the mean of
-// the magnetic field. If the mean force differs from gravity by more than half, the alignment begins again. Headings
-// are relative to magnetic north; where the alignment finds a place, the declination there (IGRF-14 at the model's
-// start) makes them true, as the installer of a real unit enters it: it stays until the next alignment. Without a
-// magnetic field the platform's x axis (its z axis, where x is upright) points north at the end of the alignment, and
-// the heading drifts on as the gyros do.
+// An alignment lasts NavigatorModel::alignment_s. The attitude is levelled by the mean of the specific force, and
+// turned north by the mean of the magnetic field. If the mean force differs from gravity by more than half, the
+// alignment begins again. Headings are relative to magnetic north. Where the alignment finds a place, the declination
+// there (IGRF-14 at the model's start) makes them true, like the declination that the installer of a real unit
+// enters. This declination is used until the next alignment. Without a magnetic field the platform's x axis (its z
+// axis, where x is upright) points north at the end of the alignment, and the heading drifts on as the gyros do.
 //
 // A heading is rejected if the field's strength differs by more than a quarter from the alignment's, or if it is
 // beyond NavigatorModel::gate; after `accept_after_s` of rejections alone the field is taken as it is.
@@ -36,9 +36,10 @@ class AttitudeReference {
 
   // Makes the next sample the first of a run, or of a power on: the alignment begins.
   void restart() noexcept;
-  // Magnetic headings and gravity can be withheld. The field is the one of the samples (OwnSolution).
+  // Magnetic headings and gravity can be withheld. The magnetic field is the one of the samples (OwnSolution).
   void set_aids(const NavigationAids& aids) noexcept;
-  // Takes the heading of the platform at the last sample. An alignment begins its window again, and ends with it.
+  // Takes the heading of the platform at the last sample. While the filter aligns, the alignment begins its window
+  // again, and ends with this heading. Later the filter turns to it at once, unless it is `only_in_alignment`.
   void give(const GivenHeading& heading) noexcept;
   // Replaces the attitude of a sample, which is the true one, by the solution. Works at rest before the first truth
   // as well.

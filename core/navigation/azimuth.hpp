@@ -17,7 +17,8 @@ bool has_azimuth(const Vector3& field_L) noexcept;
 Vector3 horizontal_at(double azimuth) noexcept;
 
 // Returns the rotation about down, rad from -pi to pi, after which the given direction has the given azimuth; nullopt
-// where the direction is within 6 degrees of the vertical, and has none. By the attitude before, v_L = q_LP * v_P.
+// where the direction is within 6 degrees of the vertical, and has none. `q_LP`: the attitude before the rotation,
+// v_L = q_LP * v_P.
 std::optional<double> turn_to(const GivenHeading& given, const Quaternion& q_LP) noexcept;
 
 // Returns the measurement that a direction, which by the filter's attitude is `estimated_L`, has the azimuth of

@@ -11,7 +11,8 @@ namespace imud {
 Quaternion rotation_of_pairs(const Vector3& first_A, const Vector3& second_A, const Vector3& first_B,
                              const Vector3& second_B) noexcept;
 
-// Returns whether the square of the sine of the angle between them is above `least_sine2`; neither is 0 then.
+// Returns whether the square of the sine of the angle between two vectors is above `least_sine2`, which is not
+// negative. Returns false if a vector is 0.
 bool are_apart(const Vector3& a, const Vector3& b, double least_sine2) noexcept;
 
 // Sums up the increments of a window in the platform's axes at its begin, P0. In any motion, the sum of the delta-

@@ -45,8 +45,9 @@ void update_component(Eigen::Matrix<double, States, States>& P, int first, const
   change += k * (innovation - along_axis(change, first, axis));
 }
 
-// The covariance of a state whose vector that begins at state `first` has been rotated by R about `axis`, a unit
-// vector, and whose component along it has been set: it has this variance, and no correlation.
+// Changes P to the covariance after the vector that begins at state `first` has been rotated by R about `axis`, a
+// unit vector, and after its component along `axis` has been set. This component has then the variance `variance`,
+// and no correlation.
 template <int States>
 void turn_and_forget(Eigen::Matrix<double, States, States>& P, int first, const Matrix3& R, const Vector3& axis,
                      double variance) noexcept {

@@ -68,8 +68,9 @@ class InertialFilter {
   // Begins at a state and biases with that covariance. The aids' errors begin at 0, uncorrelated with all else.
   void begin(const InertialState& state, const Vector3& gyro_bias_P, const Vector3& accelerometer_bias_P,
              const Covariance& covariance) noexcept;
-  // Correlates one of the vectors of the state with the aids' errors `error` to `error` + 2, along the rows of
-  // `axes_N`: it has been set by a measurement that had them. Its covariance has their variance already.
+  // Correlates the vector that begins at state `first` with the aids' errors number `error` to `error` + 2, along the
+  // rows of `axes_N`. The vector must have been set by a measurement with these errors, and its covariance must
+  // already contain their variance.
   void begin_by(int first, const Matrix3& axes_N, int error) noexcept;
   // Integrates the increments of one step of `dt` s, above 0.
   void advance(const Vector3& delta_angle, const Vector3& delta_velocity, double dt) noexcept;
@@ -83,23 +84,24 @@ class InertialFilter {
     Matrix3 axes_N = Matrix3::Identity();  // row i: the direction of component i, in N
     Vector3 innovation = Vector3::Zero();  // measured less estimated, along those axes
     Vector3 variance = Vector3::Ones();    // of the measurement, above 0
-    int error = -1;                        // component i has the aid's error number error + i; -1: none has any
+    int error = -1;  // component i has the aid's error number error + i; -1: no component has one
   };
   // Returns the square of the innovation in units of its covariance, which has a chi-square distribution of as many
   // degrees of freedom as rows where the filter is consistent. propagate() must have been called.
   double normalized_square(const Measurement& measurement) const noexcept;
   // Corrects the state, and the aids' errors, by the measurement.
   void update(const Measurement& measurement) noexcept;
-  // Turns the attitude about `axis_N`, a unit vector, by an angle, rad. The attitude about it has been set: its error
-  // has that variance, rad^2, above 0, and no correlation.
+  // Turns the attitude about `axis_N`, a unit vector, by `angle`, rad, so that the attitude about this axis is set.
+  // Its error about this axis has then the variance `variance`, rad^2, above 0, and no correlation with the other
+  // states.
   void turn(const Vector3& axis_N, double angle, double variance) noexcept;
-  // Adds to the variance of one of the vectors, isotropically.
+  // Adds `variance` to the variance of each component of the vector that begins at state `first`.
   void add_variance(int first, double variance) noexcept;
-  // The same along one axis, a unit vector.
+  // The same for the component along one axis, a unit vector.
   void add_variance(int first, const Vector3& axis_N, double variance) noexcept {
     P_.block<3, 3>(first, first) += variance * (axis_N * axis_N.transpose());
   }
-  // Adds to the variance of the aids' error number `error`.
+  // Adds `variance` to the variance of the aids' error number `error`.
   void add_aid_variance(int error, double variance) noexcept { D_(error, error) += variance; }
 
  private:
@@ -120,7 +122,7 @@ class InertialFilter {
   AidErrors e_ = AidErrors::Zero();
   CrossCovariance C_ = CrossCovariance::Zero();
   AidCovariance D_ = AidCovariance::Zero();
-  // Since the last propagate():
+  // Sums since the last propagate():
   double time_s_ = 0;
   Matrix3 rotation_s_ = Matrix3::Zero();  // the integral of C
   Vector3 dv_N_ = Vector3::Zero();        // the integral of C f

@@ -18,7 +18,7 @@ struct NavigationAids {
   Vector3 field_bias = Vector3::Zero();  // T
 
   bool compensates() const noexcept { return field_gain != Matrix3::Identity() || !field_bias.isZero(0.0); }
-  // Returns the compensated field. A field of 0, which is unknown, stays so.
+  // Returns the compensated field, T. A field of 0, which means that the field is unknown, is returned unchanged.
   Vector3 compensated(const Vector3& measured) const noexcept {
     if (!compensates() || measured.isZero(0.0)) return measured;
     return field_gain * (measured - field_bias);

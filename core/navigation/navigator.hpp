@@ -22,9 +22,10 @@ void tune(NavigatorModel& navigator, const ImuModel& imu) noexcept;
 // Replaces the attitude and the place of each sample by the filter's solution. Until the alignment is complete there
 // is no place, and the attitude is by gravity and the magnetic field alone. Without a receiver's fix the solution
 // coasts; the time runs on. Where fixes are rejected until they have to be accepted, because the attitude is wrong,
-// the filter begins again with them and a new attitude; the place has no gap. Where motion is held because truth has
-// stopped, the solution coasts for a second and is held then; when truth returns it aligns again, and also where the
-// simulator has stood still for less.
+// the filter begins again with these fixes and a new attitude; the place has no gap. Where motion is held because
+// truth has stopped, the solution coasts for a second, and is held after that. When truth returns after more than a
+// second, the navigator aligns again. It also aligns again after a shorter hold in which the truth's time has stood
+// still.
 //
 // Nothing here allocates after construction, locks or throws; not thread-safe.
 class Navigator {
@@ -96,15 +97,16 @@ class Navigator {
   bool has(std::uint16_t aid) const noexcept { return (aids_.withheld & aid) == 0; }
   bool has_fix(const Sample& sample) const noexcept { return sample.fix().is_known && has(aid::position); }
   bool has_antennas() const noexcept { return model_.antennas_heading > 0 && has(aid::antennas_heading); }
-  // An aid's bits are forgotten when it is due.
+  // Clears the bits of `aids` in `used_` and `rejected_`. Called when an aid is due.
   void forget(unsigned aids) noexcept;
   bool use(std::uint16_t aid, const InertialFilter::Measurement& measurement) noexcept;
-  // Uses a heading that comes every `interval_s`. For `rejected_s` all of its kind have been rejected.
+  // Uses a heading of an aid that is due every `interval_s`. `rejected_s`: for how long all headings of this aid have
+  // been rejected.
   bool use_azimuth(std::uint16_t aid, const InertialFilter::Measurement& azimuth, const Quaternion& q_LN,
                    double interval_s, double& rejected_s) noexcept;
   double step(const Sample& sample) noexcept;
   void write_aligning(Sample& sample, double dt) noexcept;
-  // Returns false if the place is none on the Earth.
+  // Writes the filter's solution to the sample. Returns false if the filter's position is no place on the Earth.
   bool write(Sample& sample, const At& at) const noexcept;
   void hold(bool is_held, TruthTime time, double dt) noexcept;
   Quaternion q_NL(const PositionVelocity& position, const Navigation& place) const noexcept;
@@ -120,15 +122,15 @@ class Navigator {
   std::int64_t start_gps_ns_;
   InertialFilter filter_;
   CoarseAlignment alignment_;
-  std::optional<CoarseAlignment> window_;  // the same at its end
-  std::optional<Vector3> first_v_N_;       // m/s, at its begin
+  std::optional<CoarseAlignment> window_;  // alignment_ at the end of the window
+  std::optional<Vector3> first_v_N_;       // m/s, at the begin of the window
   double period_s_;
   Nanoseconds latency_;
   std::uint64_t fix_every_, heading_every_, height_every_;  // samples; 0: never
   int position_error_, velocity_error_, height_error_;      // InertialFilter::Measurement::error; -1: there is none
-  // The motion after the last samples, a ring by their numbers: a late fix is compared with the motion then. Without
-  // the corrections, whose sum of all time is added at the comparison: what a fix has corrected is no error in the
-  // next.
+  // The motion after each of the last samples, a ring by their numbers. A late fix is compared with the motion at its
+  // own time. past_ is kept without the corrections by fixes; corrections_ is their sum, which is added at the
+  // comparison, so that an error that one fix has corrected is not corrected again by the next.
   struct Motion {
     Vector3 v_N = Vector3::Zero(), r_N = Vector3::Zero();  // m/s, m
   };
@@ -154,7 +156,7 @@ class Navigator {
   At at_;                                        // of the last sample that the filter has integrated
   Geodetic origin_;
   std::int64_t receiver_clock_ns_ = 0;  // the receiver's GPS time less the true one
-  // For which all heights, or headings, have been rejected.
+  // The times for which all heights, or all headings of an aid, have been rejected.
   double heights_rejected_s_ = 0, headings_rejected_s_ = 0, antenna_headings_rejected_s_ = 0;
   RestDetector rest_detector_;
   Normals normals_;

@@ -14,8 +14,8 @@ struct InertialNoise {
   double accelerometer = 0;       // m/s/sqrt(s), velocity random walk
   double gyro_walk = 0;           // rad/s/sqrt(s), of the gyros' bias
   double accelerometer_walk = 0;  // m/s^2/sqrt(s)
-  // Standard deviations of scale factors and misalignments, 1, and of the gyros' g-sensitivity, rad/s/(m/s^2). What
-  // they make of a manoeuvre counts as noise of a correlation time of manoeuvre_s.
+  // Standard deviations of scale factors and misalignments, 1, and of the gyros' g-sensitivity, rad/s/(m/s^2). The
+  // errors that they cause in a manoeuvre count as noise with the correlation time manoeuvre_s.
   double gyro_scale = 0, accelerometer_scale = 0, g_sensitivity = 0;
   static constexpr double manoeuvre_s = 5;  // chosen
 };
@@ -50,7 +50,7 @@ struct NavigatorModel {
   // m/sqrt(s), above 0: PX4's baro_bias_nsd (PX4-Autopilot, src/modules/ekf2/EKF/common.h, commit 0058953e).
   double barometric_walk = 0.13;
   static constexpr double barometric_offset = 500;  // m, standard deviation of the difference at the begin; chosen
-  bool zero_velocity = false;                       // a vehicle that is found to be at rest has no velocity
+  bool zero_velocity = false;                       // zero velocity is an aid when the vehicle is found to be at rest
   double quiet_acceleration = 0.2;  // m/s^2, above 0, of a vehicle without manoeuvres (attitude); chosen
   InertialNoise noise;
   double gyro_bias = 0, accelerometer_bias = 0;  // rad/s, m/s^2: standard deviations at the begin

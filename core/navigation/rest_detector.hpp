@@ -27,7 +27,8 @@ class RestDetector {
 
   void begin() noexcept { *this = RestDetector(noise_); }
   // Adds a step of `dt` s, above 0, in platform axes, less the biases: rad and m/s. Returns at the end of a window
-  // whether the platform was at rest in it, and nullopt before; `gravity` is its size there, m/s^2.
+  // whether the platform was at rest in the window, and nullopt before the end. `gravity`: m/s^2, at the vehicle's
+  // place.
   std::optional<bool> add(const Vector3& delta_angle, const Vector3& delta_velocity, double dt,
                           double gravity) noexcept;
 

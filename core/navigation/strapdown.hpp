@@ -8,7 +8,7 @@
 namespace imud {
 
 // The motion of the platform P in the truth's frame N, which does not rotate. Where N is the Earth's, the Earth turns
-// below it: its rate and the transport rate are in the gyros' increments, and no term here removes them.
+// below N: the Earth's rate and the transport rate are in the gyros' increments, and no term here removes them.
 struct InertialState {
   Quaternion q_NP = Quaternion::Identity();  // unit; v_N = q_NP * v_P
   Vector3 v_N = Vector3::Zero();             // m/s

@@ -41,7 +41,8 @@ class CorrelatedNoise {
     }
   }
   bool is_on() const noexcept { return on_; }
-  // Returns b of sample k, until the next call. The last call was next(k - 1) or seek(k), or k is 0.
+  // Returns b of sample k, valid until the next call. The last call must have been next(k - 1) or seek(k), unless k
+  // is 0.
   const Vector3& next(const Normals& normals, std::uint64_t k) noexcept {
     const Vector3 n = normals_.at(normals, k);
     if (k == 0)
@@ -52,13 +53,14 @@ class CorrelatedNoise {
   }
   // Returns the last value of next(); 0 before the first.
   const Vector3& value() const noexcept { return b_; }
-  // Makes next(k) return its value of the sequence from 0. The run time is proportional to k.
+  // Makes next(k) return the value that sample k has in the sequence from sample 0. The run time is proportional to
+  // k.
   void seek(const Normals& normals, std::uint64_t k) noexcept {
     if (!on_) return;
     for (std::uint64_t j = 0; j < k; ++j) next(normals, j);
   }
-  // Makes next(k) go on from the b of `before`, which was called for sample k - 1: in the ratio of the standard
-  // deviations, so that it is stationary. An axis that had no noise begins with s n.
+  // Makes next(k) continue from the b of `before`, whose last call must have been for sample k - 1. b is scaled by
+  // the ratio of the standard deviations, so that the noise is stationary. An axis that had no noise begins with s n.
   void continue_from(const CorrelatedNoise& before, const Normals& normals, std::uint64_t k) noexcept {
     if (!on_ || k == 0) return;
     const Vector3 n = normals_.at(normals, k - 1);

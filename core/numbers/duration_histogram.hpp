@@ -33,13 +33,14 @@ class DurationHistogram {
   // there is none. `percent` is in [0, 100].
   double percentile(double percent) const;
   // Returns for each of `limits`, s, ascending, the number of durations that do not exceed it, within half a bucket.
-  // Infinity has the number of all.
+  // For infinity it is the number of all durations.
   std::vector<std::uint64_t> counts_up_to(std::span<const double> limits) const;
   // The sum of all durations, s.
   double sum() const noexcept { return sum_.load(std::memory_order_relaxed); }
 
  private:
-  // The number of durations in a bucket: -1 for durations below the first, their number for durations above the last.
+  // Returns the number of durations in a bucket. Bucket -1 has the durations below the first bucket; the bucket whose
+  // number is the number of buckets has the durations above the last.
   std::atomic<std::uint64_t>& cell(int index) noexcept { return cells_[static_cast<std::size_t>(index + 1)]; }
   std::uint64_t count_of(int index) const noexcept {
     return cells_[static_cast<std::size_t>(index + 1)].load(std::memory_order_relaxed);

@@ -141,7 +141,7 @@ inline double log(double x) {
 // Returns the natural logarithm of each lane of x, with the bits of log().
 [[gnu::always_inline]] inline Lanes log(Lanes x) {
   const auto bits = std::bit_cast<LaneMask>(x);
-  // 2^52 and an integer below it are the bits of their sum.
+  // An integer below 2^52 is in the last bits of its sum with 2^52.
   const Lanes exponent = std::bit_cast<Lanes>((bits >> 52) | 0x4330'0000'0000'0000LL) - (0x1p52 + 1022.0);
   const auto m = std::bit_cast<Lanes>((bits & 0x000F'FFFF'FFFF'FFFFLL) | 0x3FE0'0000'0000'0000LL);  // in [0.5, 1)
   const LaneMask is_small = m < 0.70710678118654752;
@@ -172,7 +172,7 @@ using SinCos = SineAndCosine<double>;
 namespace detail {
 constexpr double two_over_pi = 0x1.45f306dc9c883p-1;
 
-// Returns sine and cosine of x - quadrant * pi/2, where this is within +- pi/4.
+// Returns sine and cosine of x - quadrant * pi/2. This difference must be within +-pi/4.
 template <class Real>
 [[gnu::always_inline]] inline SineAndCosine<Real> sincos_in(Real quadrant, Real x) {
   // Cody and Waite: pi/2 in three parts of 33 bits.

@@ -1,5 +1,5 @@
-// Lanes: the values of three axes side by side in vector registers, with one that is not used. For the effects that
-// act on every sample; elsewhere Vector3 is simpler.
+// Lanes: the values of three axes side by side in vector registers, with a fourth lane that is not used. Lanes are
+// for the effects that act on every sample; elsewhere Vector3 is simpler.
 #pragma once
 
 #include <array>
@@ -11,8 +11,8 @@
 namespace imud {
 
 // An extension of GCC and clang; operators act on each lane and round as for double. A processor without registers of
-// this size takes two of 128 bits. Functions that pass it are always inline, because the calling convention depends
-// on the processor's features.
+// this size takes two of 128 bits. Functions that pass or return Lanes are always inline, because the calling
+// convention depends on the processor's features.
 using Lanes = double __attribute__((vector_size(32)));
 using LaneMask = std::int64_t __attribute__((vector_size(32)));  // all bits of a lane are equal
 
@@ -21,7 +21,7 @@ using LaneMask = std::int64_t __attribute__((vector_size(32)));  // all bits of 
 [[gnu::always_inline]] inline Vector3 vector_of(Lanes x) noexcept { return {x[0], x[1], x[2]}; }
 // Returns a where the mask is set, else b.
 [[gnu::always_inline]] inline Lanes select(LaneMask mask, Lanes a, Lanes b) noexcept { return mask ? a : b; }
-// Returns x, negated where the sign bit of `signs` is set; its other bits are clear.
+// Returns x, negated where the sign bit of `signs` is set. The other bits of `signs` must be clear.
 [[gnu::always_inline]] inline Lanes change_sign(LaneMask signs, Lanes x) noexcept {
   return std::bit_cast<Lanes>(std::bit_cast<LaneMask>(x) ^ signs);
 }

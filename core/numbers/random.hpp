@@ -82,7 +82,7 @@ class Normals {
   std::uint64_t seed() const noexcept { return seed_; }
   // Returns N(0, 1) on each of the three axes for sample `k`.
   Vector3 operator()(Quantity quantity, Process process, std::uint64_t k) const noexcept;
-  // Returns a deviate that is uniform in (0, 1), in the place of the normal one of the x axis.
+  // Returns a deviate that is uniform in (0, 1), from the random bits of the x axis' normal deviate.
   double uniform(Quantity quantity, Process process, std::uint64_t k) const noexcept;
 
  private:

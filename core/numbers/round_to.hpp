@@ -5,7 +5,7 @@
 
 namespace imud {
 
-// Returns the nearest multiple of `lsb`, which is positive; the greater of two.
+// Returns the multiple of `lsb`, above 0, that is nearest to `value`; the greater one if two are equally near.
 inline double round_to(double value, double lsb) noexcept { return lsb * std::floor(value / lsb + 0.5); }
 
 }  // namespace imud

@@ -33,9 +33,11 @@ class PolynomialFit {
   void clear() noexcept { count_ = 0; }
   // Adds a point later than the one before, s; at most `most_points` since clear().
   void add(double time_s, const Vector3& value) noexcept { points_[count_++] = {time_s, 0.0, 1.0, value}; }
-  // Coefficients are reduced to one side only, or wherever more points than coefficients show the noise.
+  // Where coefficients are reduced: only where the points lie to one side, or wherever there are more points than
+  // coefficients, so that the points show the noise.
   enum class Reduce : std::uint8_t { to_one_side, always };
-  // Returns the fit's derivatives at time 0, the time of a point. Once after the last add().
+  // Returns the fit's derivatives at time 0, which must be the time of a point. Must be called only once after the
+  // last add().
   Derivatives at_0(Reduce reduce = Reduce::to_one_side) noexcept;
 
  private:

@@ -79,7 +79,8 @@ class PoseFit {
 
   explicit PoseFit(const Options& options);
 
-  // Adds a truth, which is later than the one before unless it has `new_run` set. next() must have returned false.
+  // Adds a truth. Its time must be after the time of the truth before, unless `new_run` is set. next() must have
+  // returned false.
   void push(const Truth& truth) noexcept;
   // Ends the segment: no truth is waited for any more.
   void finish() noexcept;

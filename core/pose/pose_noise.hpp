@@ -17,7 +17,7 @@ namespace imud {
 // data by simplified least squares procedures, Analytical Chemistry 36(8), 1964: such weights, and their noise.)
 double noise_energy(std::span<const double, 9> times_s, std::span<const Vector3, 9> values) noexcept;
 
-// The test whether one or several neighbours among several values belong to the others.
+// The result of a test whether one or several adjacent values fit the other values.
 struct DeletedResidual {
   double distance = 0;  // from the quartic polynomial that fits the others, in the unit of the values
   double variance = 0;  // of that distance by the noise of a value of variance 1, all components together
