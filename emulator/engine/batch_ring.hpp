@@ -8,8 +8,8 @@
 
 namespace imud {
 
-// `Batch` is default-constructible, and keeps its memory from one use to the next. Each thread waits without a
-// processor until the other one has gone on.
+// `Batch` is default-constructible, and keeps its memory from one use to the next. A waiting thread
+// sleeps until the other thread has gone on.
 template <class Batch, std::size_t size>
 class BatchRing {
  public:
@@ -26,7 +26,7 @@ class BatchRing {
 
   std::array<Batch, size>& batches() noexcept { return batches_; }
 
-  // The filling thread: waits for a batch that the other thread has taken and returned; then publishes it.
+  // For the filling thread: next_free() waits for a batch that is not in use, and publish() passes on this batch.
   Batch& next_free() noexcept {
     wait(free_);
     return batches_[filling_];
@@ -35,13 +35,13 @@ class BatchRing {
     filling_ = (filling_ + 1) % size;
     ::sem_post(&filled_);
   }
-  // Waits until all published batches are returned. The filling thread holds none.
+  // Waits until all published batches are returned. The filling thread must not hold a batch.
   void wait_until_returned() noexcept {
     for (std::size_t i = 0; i < size; ++i) wait(free_);
     for (std::size_t i = 0; i < size; ++i) ::sem_post(&free_);
   }
 
-  // The taking thread: waits for the oldest published batch; then returns it.
+  // For the taking thread: next_filled() waits for the oldest published batch, and give_back() returns this batch.
   Batch& next_filled() noexcept {
     wait(filled_);
     return batches_[taking_];

@@ -20,7 +20,7 @@ class CommandQueue {
 
   CommandQueue() : entries_(capacity) { batch_.reserve(longest_batch); }
 
-  // Adds a batch, which is not empty. Returns false if it does not fit. Main thread.
+  // Adds a batch. Returns false if the batch is empty or does not fit. Main thread.
   bool push(std::uint64_t number, std::span<const Command> commands) {
     if (commands.empty() || commands.size() > longest_batch || entries_.write_available() < commands.size())
       return false;
@@ -30,7 +30,8 @@ class CommandQueue {
     return entries_.push(batch_.data(), batch_.size()) == batch_.size();  // published at once
   }
 
-  // Calls `execute(command)` for each command of the oldest batch, in order. Returns its number; 0: there is none.
+  // Calls `execute(command)` for each command of the oldest batch, in order. Returns the number of the batch; 0 if
+  // there is none.
   // Sampling thread.
   template <class Execute>
   std::uint64_t pop(Execute execute) noexcept {

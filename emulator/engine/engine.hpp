@@ -27,13 +27,14 @@ namespace imud {
 class Engine {
  public:
   // Opens every port. `sink` takes the steps of the run. `control` brings commands and takes watched samples;
-  // nullptr: none does. Throws PortError.
+  // nullptr: nobody controls or watches the run. Throws PortError.
   explicit Engine(const Config& config, const Ports& ports = real_ports, StepSink& sink = StepSink::none(),
                   RunControl* control = nullptr);
 
-  // Executes a step. Before it acts the sink gets it, but a truth and a sample with what came of them, and `transmit`
-  // after the frames of the deadlines up to it; deadlines are stated by later events. Returns what became of a truth;
-  // otherwise `nothing`. No allocation, no lock, no wait. Steps that a damaged record may hold have no effect.
+  // Executes a step. The sink gets the step before the step acts, with these exceptions: a truth and a sample are
+  // given with their results, and `transmit` is given after the frames of the deadlines up to it. Deadlines are
+  // stated by later events. Returns what became of a truth; otherwise `nothing`. No allocation, no lock, no wait.
+  // Steps that a damaged record may hold have no effect.
   TruthIntake::Outcome apply(const Step& step) noexcept {
     // A leap, which the driver proposes after its truth, discards the samples that wait for truth.
     if (unreviewed_ && step.event.type != Step::Type::forget_past) review();
@@ -48,9 +49,10 @@ class Engine {
   void complete() noexcept;
 
   // From now on `encoding` makes and sends the frames of samples, if it serves all imus and no step is recorded.
-  // nullptr: it no longer does. It outlives its use.
+  // nullptr: the engine makes the frames itself again. `encoding` must exist until then.
   void encode_by(EncodingThread* encoding) noexcept;
-  // Returns true if it does so for the prepared samples: the driver sends nothing after `transmit`.
+  // Returns true if the EncodingThread makes the frames of the prepared samples. The driver then sends nothing after
+  // `transmit`.
   bool encodes_apart() const noexcept { return is_apart_; }
 
   StepSink& sink() const noexcept { return sink_; }
@@ -72,8 +74,8 @@ class Engine {
   TruthTime watermark() const noexcept { return watermark_; }
   // Raises the watermark to `until`: no truth up to it is accepted any more.
   void raise_watermark(TruthTime until) noexcept { watermark_ = std::max(watermark_, until); }
-  // Returns false while the timeline has no room for another truth before slow imus advance. No later sample precedes
-  // `until`.
+  // Returns false while the timeline has no room for another truth before slow imus advance. No later sample may
+  // precede `until`.
   bool has_room_for_truth(TruthTime until) const noexcept;
   // Ends the faults that act. Called after the last step.
   void finish_faults() noexcept;

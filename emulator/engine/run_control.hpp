@@ -27,7 +27,7 @@ class Request {
   std::atomic<bool> is_made_ = false;
 };
 
-// Something that happened in the sampling thread by itself. The results of commands go another way (Applied).
+// An event in the sampling thread that no command has caused. The results of commands are Applied.
 struct RunEvent {
   enum class Kind : std::uint8_t {
     run,  // a run of the truth begins
@@ -45,7 +45,7 @@ class RunEvents {
  public:
   static constexpr std::size_t capacity = 1024;
 
-  // `lost` outlives this.
+  // `lost` must outlive this.
   explicit RunEvents(Counter& lost) : events_(capacity), lost_(lost) {}
   // Sampling thread.
   void push(const RunEvent& event) noexcept {
@@ -59,7 +59,7 @@ class RunEvents {
   Counter& lost_;
 };
 
-// Outlives the Engine that has it. All memory is allocated by the constructor.
+// Must outlive the Engine that uses it. The constructor allocates all memory.
 struct RunControl {
   explicit RunControl(std::size_t imus)
       : applied(results), events(counters.events_overrun), feed(imus, counters.samples_overrun) {}

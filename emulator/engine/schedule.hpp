@@ -14,7 +14,7 @@ namespace imud {
 // on. Allocates only in the constructor. One thread.
 class Schedule {
  public:
-  // `grids` has at least one grid; none is started yet.
+  // `grids` must have at least one grid. The constructor starts none.
   explicit Schedule(std::span<const Grid> grids);
 
   struct Slot {
@@ -26,16 +26,17 @@ class Schedule {
   bool empty() const noexcept { return heap_.empty(); }
   // Returns the earliest slot that advance() has not passed.
   const Slot& next() const noexcept { return heap_.front(); }
-  // Returns the earliest of the imu, whose grid is started.
+  // Returns the earliest such slot of the imu, whose grid must be started.
   const Slot& next(std::size_t imu) const noexcept;
-  // Advances to the slot after next(). The later instants of next()'s imu come later by `shift`, which leaves them in
-  // order.
+  // Advances to the slot after next(). The later instants of next()'s imu are delayed by `shift`, which must leave
+  // the instants in order.
   void advance(Nanoseconds shift = Nanoseconds{0}) noexcept;
 
   // Starts the imu's grid, or starts it again, so that its instants are `origin` + Grid::offset(first + index), as
   // far as advance() does not shift them.
   void start(std::size_t imu, Nanoseconds origin, std::uint64_t first = 0) noexcept;
-  // Changes the imu's grid. If it is started, its next instant stays, and is instant 0 of the new grid.
+  // Changes the imu's grid. If the grid is started, its next instant does not move, and becomes instant 0 of the new
+  // grid.
   void change(std::size_t imu, const Grid& grid) noexcept;
 
  private:

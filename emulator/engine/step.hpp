@@ -17,7 +17,7 @@ struct Reload;
 // A step has the kinds and numbers of the record (RecordEvent), so that a recorded event is a step when the
 // number of its imu is known.
 struct Step {
-  // The rest of a step beside its event. It outlives the step.
+  // The rest of a step beside its event. Must outlive the step.
   struct Content {
     Frame frame = {};          // of `receive`: what the host has sent; of `mark`: its text
     HostTime arrival = {};     // of `receive`: when the host's bytes arrived
@@ -28,7 +28,7 @@ struct Step {
 
   // `interface` is not used.
   RecordEvent event;
-  std::uint16_t imu = all_imus;  // its number in the engine
+  std::uint16_t imu = all_imus;  // the number of the imu in the engine
   bool at_once = false;          // of `sample`: its frames leave now, apart from the prepared samples
   const Content* content = nullptr;
 

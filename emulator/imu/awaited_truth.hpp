@@ -29,15 +29,15 @@ class AwaitedTruth {
     r_SB_B_ = model.r_SB_B;
     dcm_PB_ = model.dcm_PB;
   }
-  // `feed`: outlives this; nullptr: nobody can watch.
+  // `feed` must outlive this. nullptr: nobody can watch.
   void set_feed(SampleFeed* feed) noexcept { feed_ = feed; }
   SampleFeed* feed() const noexcept { return feed_; }
 
-  // Adds the last sample of `imu`, which was taken when the newest truth was `ahead` before it; negative: that truth
-  // was later. `is_extrapolated`: its motion is compared with the truth to come. `shown`: the sample for the feed,
-  // with the true motion as it was sampled; nullopt: the feed does not get it.
+  // Adds the last sample of `imu`. `ahead`: the sample's time less the time of the truth that was the newest then;
+  // negative: that truth was later. `is_extrapolated`: the sample's motion is compared with the truth to come.
+  // `shown`: the sample for the feed, with the true motion as it was sampled; nullopt: the feed does not get it.
   void add(const Imu& imu, Nanoseconds ahead, bool is_extrapolated, const std::optional<FeedSample>& shown) noexcept;
-  // Called when truth has come.
+  // Reviews the samples whose truth has come. Must be called when truth has come.
   void review(const Timeline& timeline, TruthQuality::ExtrapolationError& error) noexcept;
   // Discards all samples, which are shown without truth. Called when a run of the truth ends.
   void clear() noexcept;
@@ -47,7 +47,7 @@ class AwaitedTruth {
     TruthTime time;
     Nanoseconds ahead;
     bool is_extrapolated = false, is_shown = false;
-    Vector3 rate, specific_force;  // that were used, in platform axes
+    Vector3 rate, specific_force;  // of the sample, in platform axes
     FeedSample shown;
   };
   Awaiting& first() noexcept { return ring_[first_]; }

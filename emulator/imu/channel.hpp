@@ -67,9 +67,10 @@ class Channel {
   // Executes a command to this imu, or to all. While its supply is off, the device neither sends nor receives, and
   // the sensor goes on; when it is switched on, the device starts as by cycle_power(). `book`: the faults of the run.
   void execute(const Command& command, const FaultBook& book, HostTime now) noexcept;
-  // Exchanges the model, and the device if the reload has one, which starts. The reload then holds the old ones.
+  // Exchanges the model, and the device if the reload has one. The new device starts. The reload then holds the old
+  // model and the old device.
   void exchange(Reload::Sensor& next, HostTime now) noexcept;
-  // Exchanges a port. Frames that the old one holds back stay in it.
+  // Exchanges a port. Frames that the old port holds back stay in the old port.
   void exchange(Reload::Line& next) noexcept;
   // Sets the faults of the last sample, after enable_faults(): faults of the wire act on all frames from now on,
   // faults of the power at the sample's instant. After a start the next sample has new turn-on errors.
@@ -88,9 +89,9 @@ class Channel {
   Prepared prepared;  // by prepare()
   // Prepares the sample that Sensor::sense() has taken, and sets its faults.
   void prepare(std::optional<TruthTime> truth, bool silent) noexcept;
-  // Polls the device's deadlines up to the sample, and sends their frames. Then makes the frames of the sample. If it
-  // is `skipped`, which it then counts as, all of these are discarded, and transmit() must not follow. transmit() and
-  // count_sample() are about the same sample.
+  // Polls the device's deadlines up to the sample, and sends their frames. Then makes the frames of the sample. If
+  // the sample is `skipped`, it counts as skipped, all these frames are discarded, and transmit() must not follow.
+  // transmit() and count_sample() must be called for the same sample.
   void encode(const Outgoing& outgoing, bool skipped = false) noexcept;
   // Sends the sample's frames, and the pulse of the output pin.
   void transmit() noexcept;

@@ -36,7 +36,7 @@ struct Command {
 
   Kind kind = Kind::mark;
   std::uint8_t text_size = 0;
-  std::uint16_t imu = all_imus;  // its number in the configuration
+  std::uint16_t imu = all_imus;  // the number of the imu in the configuration
   double value = 0;
   std::uint64_t number = 0;
   std::array<char, longest_text> text = {};  // of a mark

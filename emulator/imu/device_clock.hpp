@@ -49,13 +49,13 @@ class DeviceClock {
     grid_ = grid;
     walk_ = Grid::Walk(grid, 0, true);
   }
-  // The instants after the last sample come later by `by`, because the frequency is not constant. Called once for a
-  // sample. The rate of the clock until the next sample stays.
+  // Delays the instants after the last sample by `by`, because the frequency is not constant. Called once for a
+  // sample. The rate of the clock until the next sample does not change.
   void shift(Nanoseconds by) noexcept {
     shift_ = by;
     if (origin_) origin_ = *origin_ + by;
   }
-  // Returns `by` of the last shift(); 0 if it was called since.
+  // Returns `by` of the last shift(); 0 if take_shift() was called since then.
   Nanoseconds take_shift() noexcept { return std::exchange(shift_, Nanoseconds{0}); }
   // Starts the samples: the next one is at instant 0.
   void start_samples() noexcept { has_samples_ = true; }
@@ -78,7 +78,7 @@ class DeviceClock {
     now_ = std::max(now_, stamp);
   }
 
-  // Returns the time at `host`, or where the clock stands. Only set() can decrease it.
+  // Returns the clock's time at `host`, or the time at which the clock stands. Only set() can decrease this time.
   DeviceTime now(HostTime host) noexcept {
     if (!origin_) return now_;
     DeviceTime time = read(host);

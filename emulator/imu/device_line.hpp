@@ -22,10 +22,11 @@ struct DeviceLine {
   bool listens = true;                            // the port may receive
   bool is_file = false;                           // a regular file, which accepts everything and never answers
   bool is_stalled = false;                        // the port has accepted nothing for 2 s
-  // In the record: frames that left. The next two numbers: the host's bytes, and dropped frames.
+  // The number of the record's interface for frames that left. The next two numbers are for the host's bytes and for
+  // dropped frames.
   std::uint16_t interface = 0;
   WirePort* wire = nullptr;  // the port, if faults act on it
-  PortCounters before = {};  // the sums over the ports whose place it has taken
+  PortCounters before = {};  // the sums over the ports that were replaced
 
   // Sets `listens` and `is_file`. Called when `port` was set.
   void look_at_port() noexcept {

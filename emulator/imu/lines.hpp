@@ -48,7 +48,8 @@ class Lines {
       frames = frames.subspan(size);
     }
   }
-  // A device answers with its old settings; the new ones apply to all that is sent afterwards.
+  // Applies the UART settings of `device` to everything that is sent afterwards. The reply to a change of the
+  // settings still has the old settings.
   void set_uarts(const Device& device) noexcept;
   // Calls propose(uart, Port::Received) for what the host has sent, at most some 256 bytes from each port. Sets
   // `has_received`. Returns false if ::poll() would return at once again, because of more bytes or a lasting error.
@@ -67,14 +68,14 @@ class Lines {
     if (count_ == 2 && lines_[1].may_lack_room()) wait_for_room(lines_[1], stop);
     if (!copies_.empty()) copies_.wait_for_room(stop);
   }
-  // Returns false if it never waits, because all ports are files.
+  // Returns false, without a wait, if all ports are files.
   bool wait_until_sent(const std::atomic<bool>& stop) noexcept;
   // Discards the frames that the ports still hold back; they count as dropped.
   void discard_pending() noexcept;
   // Port::commit() of all ports, even if one fails. Throws the first exception.
   void commit();
 
-  // Exchanges a port for a reload's, which holds the old one afterwards.
+  // Exchanges a port for the reload's port. The reload holds the old port afterwards.
   void exchange(Reload::Line& line) noexcept;
   // The counts of replaced ports since their replacement. Any thread.
   struct Replaced {
@@ -87,7 +88,7 @@ class Lines {
   void publish(ImuCounters& counters, std::uint64_t lost) const noexcept;
 
  private:
-  // Returns how many of the first frames are for the UART of the first.
+  // Returns how many frames at the beginning of `frames` are for the same UART as the first frame.
   static std::size_t of_one_uart(std::span<const Frame> frames) noexcept {
     const auto is_other = [&](const Frame& frame) { return frame.uart != frames.front().uart; };
     return static_cast<std::size_t>(std::ranges::find_if(frames, is_other) - frames.begin());

@@ -48,9 +48,9 @@ struct Reload {
     Imu imu;
     Oscillator oscillator;
     std::optional<OwnSolution> solution;  // it begins to align
-    std::optional<SolutionJudge> judge;   // of that
-    std::optional<Grid> grid;             // nullopt: it stays
-    // With other settings, and as delivered; nullptr: they stay.
+    std::optional<SolutionJudge> judge;   // of that solution
+    std::optional<Grid> grid;             // nullopt: the grid does not change
+    // The device with other settings, and the device as delivered. nullptr: both devices stay in use.
     std::unique_ptr<Device> device, delivered_device;
     std::array<std::unique_ptr<FrameSeal>, 2> seals;  // of both lines of that device; only used with it
     bool keeps_gyro_bias = false, keeps_accelerometer_bias = false;  // the biases of Channel::set_bias()
@@ -78,7 +78,7 @@ struct Reload {
   Reload(const Config& before, const Config& after, std::span<const ImuConfig> imus, std::uint64_t seed);
 
   // Opens the ports of `lines` with the filters of `channels`. Returns a line "imu.NAME.port: cause" for each port
-  // that cannot be opened. In that case it closes the others again.
+  // that cannot be opened. In that case the other ports are closed again.
   std::vector<std::string> open_ports(
       std::span<const std::unique_ptr<Channel>> channels,
       const std::function<std::unique_ptr<Port>(std::string_view, const PortSettings&)>& open = open_port);

@@ -20,8 +20,8 @@ struct FeedSolution {
 
   Solution::State state = Solution::State::aligning;
   std::uint16_t used = 0, rejected = 0;  // bits of namespace aid, as in Solution
-  // They are rotations about north, east and down, rad; then along these, m/s and m. NaN: the unit, or the truth, has
-  // none.
+  // Attitude: rotations about north, east and down, rad. Velocity and position: along north, east and down, m/s and
+  // m. NaN: the unit, or the truth, has no such value.
   Vectors errors{}, sigmas{};
 };
 
@@ -39,7 +39,7 @@ struct FeedSample {
   // NaN if the truth of that instant has not come.
   Vector3 true_rate = Vector3::Zero(), true_specific_force = Vector3::Zero();
   // Extrapolated samples of the imu up to this one, the held among them, and the unsent among the held (ImuCounters).
-  // Their differences include the samples between two of the feed.
+  // The differences of these counts from one sample of the feed to the next include the samples between the two.
   std::uint64_t extrapolated = 0, held = 0, silent = 0;
   // The rest of the sample, as the device has received it (Sample). Position and velocity of a receiver include its
   // errors.
@@ -48,7 +48,7 @@ struct FeedSample {
   float pressure = 0;                         // Pa; 0: not known
   bool has_place = false;
   double latitude = 0, longitude = 0, height = 0;  // rad, rad, m; valid if has_place
-  std::optional<FeedSolution> solution;            // attitude and place are this one's; nullopt: the truth's
+  std::optional<FeedSolution> solution;            // has attitude and place; nullopt: these are the truth's
 };
 
 // Filled only while somebody watches, and only with each n-th sample of an imu. The constructor allocates; neither
@@ -57,7 +57,7 @@ class SampleFeed {
  public:
   static constexpr std::size_t capacity = 16384;  // 2 s of 8 imus at 1 kHz
 
-  // `lost` outlives this.
+  // `lost` must outlive this.
   SampleFeed(std::size_t imus, Counter& lost) : samples_(capacity), every_(imus), lost_(lost) {}
 
   // Main thread: the feed gets samples of the imu whose numbers are multiples of `every`; 0: none.

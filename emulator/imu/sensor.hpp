@@ -34,7 +34,7 @@ class Sensor {
   SolutionJudge* judge() noexcept { return judge_ ? &*judge_ : nullptr; }
   // The last sample that was taken.
   Sample& sample() noexcept { return sample_; }
-  // Returns how far it was ahead of the newest truth; 0 if it was not.
+  // Returns how far the last sample was ahead of the newest truth; 0 if it was not ahead.
   Nanoseconds ahead() const noexcept { return ahead_; }
   // Returns the time up to which the truth of this run was used; nullopt before its first sample.
   std::optional<TruthTime> used_until() const noexcept {
@@ -56,10 +56,10 @@ class Sensor {
   void set_seed(std::uint64_t seed) noexcept;
   // The next sample has the turn-on errors of another start.
   void restart() noexcept;
-  // Follows the device (Device::filters(), navigation_requests()): filters as its settings have them, without effect
-  // unless the product has such settings; and its host's requests to the unit's own filter, if it has one.
+  // Follows the device (Device::filters(), navigation_requests()). Takes the filters that the device's settings
+  // choose, if the product has such settings, and the host's requests to the unit's own filter, if the unit has one.
   void follow(const std::optional<SensorFilters>& filters, const NavigationRequests& requests) noexcept;
-  // Exchanges the model for a reload's, which goes on where the old one was (Imu::continue_from()).
+  // Exchanges the model for the reload's model, which continues from the old model (Imu::continue_from()).
   void exchange(Reload::Sensor& next) noexcept;
 
  private:
@@ -75,10 +75,10 @@ class Sensor {
   Normals normals_;  // of the errors of the clock
   Oscillator oscillator_;
   StampError stamp_error_;
-  bool has_clock_errors_;  // one of the two is on
+  bool has_clock_errors_;  // the oscillator or the stamps have errors
   Acquisition acquisition_;
   std::optional<OwnSolution> solution_;
-  std::optional<SolutionJudge> judge_;  // of its errors
+  std::optional<SolutionJudge> judge_;  // of the solution's errors
   NavigationRequests requests_;         // that have acted
   const Nanoseconds sampling_delay_;
   const bool device_filters_;  // the device's settings have the filters

@@ -13,7 +13,7 @@
 
 namespace imud {
 
-// By what a solution differs from the truth.
+// The difference of a solution from the truth.
 struct SolutionDifference {
   Vector3 attitude;        // rad, the rotation vector from the true attitude to the solution's, axes of L
   bool has_place = false;  // the following are known: m/s and m, along north, east and down at the true place
@@ -26,13 +26,13 @@ class SolutionJudge {
  public:
   explicit SolutionJudge(const ImuModel& model) : earth_(model.earth), r_SB_P_(model.dcm_PB * model.r_SB_B) {}
 
-  // From now on the truth is kept of the samples of the imu that `feed` wants, too, not only while faults act. The
-  // feed outlives this.
+  // From now on the truth is also kept for the samples of the imu that `feed` wants, not only while faults act.
+  // `feed` must outlive this.
   void watch(const SampleFeed& feed, std::size_t imu) noexcept {
     feed_ = &feed;
     imu_ = imu;
   }
-  // Goes on for the watchers of `other`.
+  // Keeps the truth for the same watchers as `other` does.
   void watch_as(const SolutionJudge& other) noexcept {
     feed_ = other.feed_;
     imu_ = other.imu_;
@@ -40,12 +40,12 @@ class SolutionJudge {
   bool is_watched(const Sample& sample) const noexcept {
     return feed_ != nullptr && feed_->wants(imu_, sample.counter);
   }
-  // Keeps the truth of a sample, whose attitude is still the true one. `position_B`: of B's origin at the time of the
-  // sample; `rate_P`: the true rate, rad/s, in platform axes.
+  // Keeps the truth of a sample. The attitude of `sample` must still be the true one. `position_B`: of B's origin at
+  // the time of the sample; `rate_P`: the true rate, rad/s, in platform axes.
   void keep(const Sample& sample, const PositionVelocity& position_B, const Vector3& rate_P) noexcept;
   // Returns the errors of the same sample's solution. Velocity and position have none where either is unknown.
   SolutionErrors errors(const Sample& sample) const noexcept;
-  // Returns their vectors; nullopt if its truth was not kept.
+  // Returns the errors as vectors; nullopt if the truth of `sample` was not kept.
   std::optional<SolutionDifference> difference(const Sample& sample) const noexcept;
 
  private:

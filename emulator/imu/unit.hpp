@@ -37,17 +37,19 @@ class Unit {
   // Switches the supply, without start().
   void set_supply(bool on) noexcept { is_supplied_ = on; }
   bool is_supplied() const noexcept { return is_supplied_; }
-  // Sets the faults of the power of the next sample. Returns whether the sensor starts or goes off with it.
+  // Sets the faults of the power of the next sample. Returns whether the sensor starts or goes off with that
+  // sample.
   enum class PowerChange : std::uint8_t { none, starts, goes_off };
   PowerChange set_power_faults(std::span<const ActiveFault> faults) noexcept;
   // Returns true if the device is on at the last sample and at the next one, without a start: set_power_faults() and
   // apply_power_faults() change nothing while no fault acts.
   bool is_steady() const noexcept { return power_step_.is_on && next_power_step_.is_on && !next_power_step_.starts; }
-  // Executes these at the sample's instant. Returns true if the device has to start.
+  // Executes the faults of set_power_faults(). Must be called at the sample's instant. Returns true if the device has
+  // to start.
   bool apply_power_faults() noexcept { return !is_steady() && take_power_step(); }
 
   // --- Messages: the results are frames() or others(), until the next call ---
-  // The clock of the device has been set by a step, or by a fault of the messages.
+  // Step the device's clock: by `step`, or to the offset that a fault of the messages demands.
   void step_clock(Nanoseconds step) noexcept { device_->step_clock(step); }
   void apply_clock_fault() noexcept;
   // Makes the frames of the sample. The frames of a `discarded` sample are not in frames().

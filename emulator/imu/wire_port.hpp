@@ -43,7 +43,7 @@ class WirePort final : public Port {
     double rate_hz = 0;      // of the samples
     UartSettings uart = {};  // the characters; baud 0: not known
     double bit_rate = 0;     // bit/s of line or bus; 0: not known, or `uart` gives it
-    // The checks of the frames; nullptr: they have none.
+    // Writes the checks of the frames; nullptr: the frames have none.
     std::unique_ptr<FrameSeal> seal = nullptr;
   };
   WirePort(std::unique_ptr<Port> port, Line line, std::uint64_t seed);
@@ -51,9 +51,8 @@ class WirePort final : public Port {
   // Sets the faults of the next sample. Called before the frames of each sample, and of the deadlines up to it, are
   // sent. No allocation.
   void set_active(std::span<const ActiveFault> faults) noexcept;
-  // From now on gives `sink` the frames that leave, with the
-  // number `interface`, and the dropped frames, with that number +
-  // 2.
+  // From now on gives `sink` the frames that leave, with the number `interface`, and the dropped frames, with the
+  // number `interface` + 2.
   void set_sink(StepSink& sink, std::uint16_t interface) noexcept {
     sink_ = &sink;
     interface_ = interface;
@@ -67,7 +66,7 @@ class WirePort final : public Port {
   std::uint64_t exchange(std::unique_ptr<Port>& port) noexcept;
   // Sets the bit rate of the line or the bus, Line::bit_rate.
   void set_bit_rate(double bit_rate) noexcept { bit_rate_ = bit_rate; }
-  // From now on sends the frames that leave to `copies`, too, which outlives this.
+  // From now on sends the frames that leave to `copies`, too. `copies` must outlive this.
   void set_copies(Copies* copies) noexcept { copies_ = copies; }
 
   void send(std::span<const Frame> frames) noexcept override;
