@@ -16,25 +16,27 @@ namespace imud {
 // epoch + Grid::nominal_offset(K) by the epoch's clock, for every host that has the same clock, and a run starts with
 // the first of them that is at or after a whole second. An imu with a clock error starts on that grid and leaves it.
 //
-// The host's clock is the one that the loop waits by. How far the epoch's clock is ahead of it is read ten times a
-// second. If that has changed by more than the reading is uncertain, the grids follow: the next instant of each imu
-// moves by half a period at most, to an instant of its grid by the changed clock. A change that no drift explains is
-// a step, which is counted. Allocates only in the constructor. One thread.
+// The host's clock is the one that the loop waits by. The difference of the epoch's clock from it is read ten times a
+// second. If the difference has changed by more than the uncertainty of a reading, the grids follow: the next instant
+// of each imu moves by half a period at most, to an instant of its grid by the changed clock. A change that no drift
+// explains is a step, which is counted. Allocates only in the constructor. One thread.
 class EpochGrid {
  public:
   EpochGrid(Host& host, Epoch epoch, std::size_t imus, ClockCounters& counters)
       : host_(host), epoch_(epoch), counters_(counters), imus_(imus) {}
 
-  // Returns when grids start that may start at `ready`, and not before: there, or at the next whole second of the
-  // epoch's clock. Reads the clock: changes count from the first call on, so imus are placed at once.
+  // Returns the start of grids that may not start before `ready`: `ready` without an epoch, otherwise the next whole
+  // second of the epoch's clock. The first call reads the clock. Changes of the clock count from then on, so that the
+  // imus must be placed at once.
   HostTime start_from(HostTime ready) noexcept;
 
   // Reads the clock before the first grid is placed, as start_from() does.
   void read_first() noexcept {
     if (epoch_ != Epoch::none) read(host_.now());
   }
-  // Return how much the epoch's clock is ahead of the host's: as the grids count it, read now if none is placed; and
-  // as the instants of an imu count it. Without an epoch 0.
+  // Return how much the epoch's clock is ahead of the host's; 0 without an epoch. The first returns the difference
+  // that the grids use, or reads the clock now if it was never read. The second returns the difference by which the
+  // imu is placed.
   Nanoseconds ahead() const noexcept;
   Nanoseconds ahead(std::size_t imu) const noexcept { return imus_[imu].ahead; }
 
@@ -62,7 +64,8 @@ class EpochGrid {
     if (!moves(imu)) return std::nullopt;
     return place_again(imu, grid, index, next);
   }
-  // The imu has another grid from its next instant on, which stays; it follows the epoch from the instant after that.
+  // The imu has another grid from its next instant on. The next instant does not move. The instants after it follow
+  // the epoch.
   void change(std::size_t imu) noexcept { imus_[imu].has_changed = true; }
 
  private:
@@ -73,13 +76,13 @@ class EpochGrid {
   struct Placed {
     Nanoseconds ahead{0};      // the clock's, when the imu was placed
     std::uint64_t number = 0;  // K of its first instant
-    bool has_changed = false;  // its grid has
+    bool has_changed = false;  // its grid has changed
   };
   Host& host_;
   const Epoch epoch_;
   ClockCounters& counters_;
-  Host::Ahead ahead_;  // that counts
-  HostTime read_at_;   // when it was read last
+  Host::Ahead ahead_;  // the reading that counts
+  HostTime read_at_;   // when the clock was read last
   HostTime next_reading_;
   std::vector<Placed> imus_;
 };

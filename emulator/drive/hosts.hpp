@@ -24,8 +24,8 @@ class Hosts {
   void touch_all() noexcept;
 
   // Before a wait: polls the deadlines that are due at `now`, sends frames that ports hold back, and publishes the
-  // counters of the touched imus. Then next_wake() returns when this has to be called next; nullopt if nothing waits
-  // for a time.
+  // counters of the touched imus. Then next_wake() returns when settle() has to be called next; nullopt if nothing
+  // waits for a time.
   void settle(HostTime now) noexcept;
   std::optional<HostTime> next_wake() const noexcept;
   // Waits for truth if `truth`, and for the hosts, at most until `until`. Returns true if truth is ready.

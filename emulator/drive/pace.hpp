@@ -15,8 +15,8 @@ struct PaceOptions {
   Nanoseconds skip_after = std::chrono::seconds(1);
 };
 
-// The same for live truth, a capture and the repetition of a record. Where the host's clock paces, it waits for the
-// instant, measures how late the samples leave, and skips samples that are too late; elsewhere it waits for the
+// Serves live truth, a capture and the repetition of a record alike. Where the host's clock paces, Pace waits for the
+// instant, measures how late the samples leave, and skips samples that are too late; elsewhere Pace waits for the
 // readers of the ports. No allocation. One thread.
 class Pace {
  public:
@@ -29,7 +29,7 @@ class Pace {
   // Returns true at `now` if the samples of the instant `due` are so late that their frames are not sent.
   bool is_too_late(HostTime due, HostTime now) const noexcept { return is_paced_ && now - due > options_.skip_after; }
   // The devices receive the prepared samples of `instant` now, and their frames leave at `due`. Engine::complete()
-  // follows this and skip().
+  // must be called after transmit(), and after skip().
   void transmit(HostTime instant, HostTime due) noexcept;
   // The devices receive the prepared samples, and their frames are discarded. So counters, clocks and increments show
   // a sensor that went on while this host was held up.

@@ -28,10 +28,10 @@ class Pacer {
   // Replaces the delay of live truth in `realtime`; without effect in the other modes.
   virtual void set_delay(const TruthClock::Options&) noexcept {}
 
-  // The epoch's clock is so much ahead of the host's, for the stamps and instants that follow.
+  // Sets how much the epoch's clock is ahead of the host's, for the stamps and instants that follow.
   virtual void set_ahead(Nanoseconds) noexcept {}
   // Takes the stamp of a truth that arrived at `arrival`, before any other function is called for that truth.
-  // `begins`: it begins a run.
+  // `begins`: the truth begins a run.
   virtual void take_stamp(const Truth&, HostTime, bool) noexcept {}
 
   // Called for the first truth, and for one with which simulation time restarts before is_settled(). Returns true if
@@ -53,7 +53,8 @@ class Pacer {
 
   // Returns the truth time that is sampled at `instant`. It never decreases with `instant` within a run.
   virtual TruthTime truth(HostTime instant) const noexcept = 0;
-  // Returns the same and fixes the map up to `instant`: truths observed later change it only after `instant`.
+  // Returns truth(`instant`), and fixes the map up to `instant`: truths observed later change it only after
+  // `instant`.
   virtual TruthTime use(HostTime instant) noexcept { return truth(instant); }
 };
 
@@ -149,7 +150,7 @@ class HostPacer final : public Pacer {
   std::optional<HostTime> held_from_;  // since when the sampled time stands still
 };
 
-// Returns the pacer for the configured clock and truth port. `timeline` must outlive it.
+// Returns the pacer for the configured clock and truth port. `timeline` must outlive the pacer.
 std::unique_ptr<Pacer> make_pacer(const Config& config, const Timeline& timeline, TruthQuality& quality);
 
 }  // namespace imud

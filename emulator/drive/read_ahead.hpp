@@ -11,7 +11,7 @@
 
 namespace imud {
 
-// A run from it equals a run from the capture.
+// A run from a ReadAhead equals a run from the capture.
 class ReadAhead {
  public:
   // Opens the capture, a regular file, and begins to read. Throws PortError.
@@ -21,7 +21,8 @@ class ReadAhead {
   ReadAhead(const ReadAhead&) = delete;
   ReadAhead& operator=(const ReadAhead&) = delete;
 
-  // Returns the format whose decoder reads the port of open(), which is called once. This outlives both.
+  // Returns the format whose decoder reads the port of open(). open() must be called only once. The ReadAhead must
+  // outlive the format and the port.
   const TruthFormat& format() const noexcept { return *format_; }
   std::unique_ptr<Port> open();
 

@@ -26,8 +26,8 @@ namespace imud {
 // thread.
 class RecordedRun {
  public:
-  // Opens the record. Throws PortError if it is none, does not begin with the run's begin, or lacks an imu of the
-  // configuration.
+  // Opens the record. Throws PortError if the file is no record, does not begin with the run's begin, or lacks an imu
+  // of the configuration.
   RecordedRun(const PortSpec& spec, const Config& config);
 
   // Returns `config` with the recorded run's values of all keys that a capture changes.
@@ -38,7 +38,7 @@ class RecordedRun {
   struct Options {
     // Samples leave when as much time has passed as in the recorded run; nullopt: at once.
     std::optional<PaceOptions> pace = std::nullopt;
-    std::optional<Nanoseconds> duration = std::nullopt;  // of the recorded run; ends there
+    std::optional<Nanoseconds> duration = std::nullopt;  // of the recorded run; run() ends after it
     // Called for a sample of the imu with an even number when its truth has not come: every other imu of the engine
     // is a twin without errors, whose samples are taken when the truth of their instants has come, in their order.
     // nullptr: there are no twins.

@@ -11,8 +11,8 @@
 
 namespace imud {
 
-// Holds every truth, refusal and remark that the port and the decoder of a capture return, in order. A run from it
-// equals a run from the capture. Immutable.
+// Holds every truth, refusal and remark that the port and the decoder of a capture return, in order. A run from
+// StoredTruths equals a run from the capture. Immutable.
 class StoredTruths {
  public:
   // Reads the capture to its end. Returns nullopt if it has more than `most` records. Throws PortError.

@@ -47,7 +47,7 @@ class ChannelFaults {
   // of the sensors and of the device's input. `utc_ns`: as for FaultSchedule::take().
   void take(Sample& sample, Nanoseconds since_begin, std::optional<std::int64_t> utc_ns) noexcept;
   // The same for a sample at rest, before the first truth: only faults that were begun by control act. `since`: s
-  // since power on. acts_at_rest() returns whether there are such.
+  // since power on. acts_at_rest() returns whether there are such faults.
   bool acts_at_rest() const noexcept { return schedule_.has_added(); }
   void take_at_rest(Sample& sample, Nanoseconds since, std::optional<std::int64_t> utc_ns) noexcept;
   // The host has sent bytes, after the last sample.
@@ -63,9 +63,9 @@ class ChannelFaults {
     schedule_.set_rate(rate_hz);
     messages_.set_rate(rate_hz);
   }
-  // The frames of that sample.
+  // The faults of the messages, for the frames of the last sample.
   MessageFaults& messages() noexcept { return messages_; }
-  // The host of the imu.
+  // The expectations about the host of the imu.
   Expectations& expectations() noexcept { return expectations_; }
   const Expectations& expectations() const noexcept { return expectations_; }
   std::span<const ActiveFault> active(FaultSeam seam) const noexcept { return schedule_.active(seam); }

@@ -18,7 +18,7 @@ namespace imud {
 struct FaultLabel {
   enum class State : std::uint8_t {
     acted,
-    passed_over,  // the simulation's time leapt over it: `first` and `last` are of the sample after it
+    passed_over,  // the simulation's time leapt over the fault: `first` and `last` are of the sample after the leap
     never,        // the fault has never begun: `first` and `last` are of no sample
   };
   const FaultConfig* fault = nullptr;
@@ -39,7 +39,7 @@ struct FaultOutcome {
   bool is_passed_over = false;     // an occurrence, by a leap of the simulation's time
   bool may_fail_to_begin = false;  // optional, or each occurrence has a probability
   bool has_begun() const noexcept { return occurrences > 0; }
-  // Describes a fault that should have begun and has not; empty for every other.
+  // Describes the failure to begin of a fault that should have begun; empty for every other fault.
   std::string shortfall() const;
 };
 

@@ -1,4 +1,4 @@
-// FaultLog: the begins, ends and effects of faults, from the sampling thread to any one that reads them.
+// FaultLog: the begins, ends and effects of faults, from the sampling thread to any thread that reads them.
 #pragma once
 
 #include <algorithm>
@@ -13,7 +13,7 @@
 
 namespace imud {
 
-// The sizes of the errors of a unit's own solution against the truth; negative: it has had no such value.
+// The sizes of the errors of a unit's own solution against the truth; negative: there was no such value.
 struct SolutionErrors {
   double attitude = -1;  // rad, the angle of the rotation from one attitude to the other
   double velocity = -1;  // m/s
@@ -32,7 +32,7 @@ struct FaultEvent {
   enum class Kind : std::uint8_t {
     begun,
     ended,
-    passed_over,  // it has begun and ended between two samples, because the simulation's time leapt
+    passed_over,  // the fault has begun and ended between two samples, because the simulation's time leapt
     effect,       // `effect` is known; only where the unit computes its own solution
   };
   // For so long after its end a fault counts as the cause of errors, unless it occurs again.
@@ -70,7 +70,7 @@ class FaultLog {
   }
 
   std::size_t size() const noexcept { return size_.load(std::memory_order_acquire); }
-  // `i` is below a value that size() has returned.
+  // `i` must be below a value that size() has returned.
   const FaultEvent& operator[](std::size_t i) const noexcept { return events_.data()[i]; }
   std::uint64_t lost() const noexcept { return lost_.load(std::memory_order_relaxed); }
 

@@ -28,7 +28,8 @@ class FaultNumbers {
   }
   // Returns true with probability p.
   bool happens(double p) noexcept { return uniform() < p; }
-  // Returns the number of trials up to the first success, of which each has probability p; `never` if p is 0.
+  // Returns the number of trials up to and with the first success, if each trial succeeds with probability p; `never`
+  // if p is 0.
   static constexpr std::uint64_t never = std::uint64_t{1} << 62U;
   std::uint64_t trials(double p) noexcept {
     const double u = uniform();

@@ -46,8 +46,8 @@ class FaultSchedule {
   // since any instant.
   void take_at_rest(const Sample& sample, Nanoseconds since,
                     std::optional<std::int64_t> utc_ns = std::nullopt) noexcept;
-  // Counts the errors of the unit's own solution at the sample that was taken as effects of the faults that act on
-  // it, or have acted within FaultEvent::effect_s before. Not called where a unit has no solution of its own.
+  // Counts `errors`, of the unit's own solution at the last sample, as effects of the faults that act on that sample
+  // or have acted within FaultEvent::effect_s before it. Must not be called if the unit has no solution of its own.
   void judge(const SolutionErrors& errors) noexcept;
   // Returns whether there are added faults.
   bool has_added() const noexcept {
@@ -124,7 +124,7 @@ class FaultSchedule {
   std::uint64_t next_ = 0;     // the number of the next sample of the run, or since the fault before the first truth
   std::uint64_t at_rest_ = 0;  // how many samples were taken at rest
   std::uint64_t counter_ = 0;  // Sample::counter of the last sample
-  DeviceTime device_time_;     // of it
+  DeviceTime device_time_;     // of that sample
   double time_s_ = 0;          // since the begin of the run
   bool is_resting_ = false;    // before the first truth
   bool has_taken_ = false;     // a sample of the truth

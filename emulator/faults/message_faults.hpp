@@ -60,7 +60,7 @@ class MessageFaults {
   // The withheld frames after the next one: the packet's time is the due time, its interface the UART.
   PacketRing ring_;
   PacketRing::Head next_;                         // the next one
-  std::vector<std::byte> next_bytes_, released_;  // its bytes, and the last one's bytes
+  std::vector<std::byte> next_bytes_, released_;  // the bytes of the next frame, and of the last released one
   bool has_next_ = false;
   DeviceTime last_due_;
   FrameBuffer copy_;       // while frames are repeated

@@ -1,4 +1,4 @@
-// OtherUnits: a unit in whose place, during faults, units with other settings send.
+// OtherUnits: a unit that is replaced, during faults, by units with other settings.
 #pragma once
 
 #include <cstdint>
@@ -23,8 +23,8 @@ Settings settings_as_delivered(const ImuConfig& imu);
 // figures. One thread.
 class OtherUnits final : public Device {
  public:
-  // `own` and the units of `faults` that act on the imu. All units except the own one are passed to `prepare`
-  // first.
+  // Makes the units of those `faults` that act on the imu, beside the unit `own`. Passes each unit except `own` to
+  // `prepare`.
   template <class Prepare>
   OtherUnits(std::unique_ptr<Device> own, std::span<const FaultConfig> faults, const ImuConfig& imu, Prepare prepare)
       : own_(std::move(own)), others_(others_of(faults, imu)) {

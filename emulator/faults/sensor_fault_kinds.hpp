@@ -31,7 +31,7 @@ enum class SensorFault : std::uint8_t {
   count
 };
 
-// `kind` is of sensor_fault_kinds().
+// `kind` must be of sensor_fault_kinds().
 inline SensorFault sensor_fault_of(const FaultKind& kind) noexcept { return kind.code.as<SensorFault>(); }
 
 }  // namespace imud

@@ -39,7 +39,7 @@ class WireChange {
   WireChange() = default;
   // Begins the occurrence.
   WireChange(const ActiveFault& fault, const FaultNumbers& numbers) noexcept;
-  // Takes the fault's values for a sample; once per sample.
+  // Takes the fault's values for a sample. Must be called once per sample.
   void update(const ActiveFault& fault) noexcept;
 
   const ActiveFault& fault() const noexcept { return fault_; }
@@ -47,8 +47,8 @@ class WireChange {
   FaultNumbers& numbers() noexcept { return numbers_; }
 
   // Changes `frame`, or the frames of a transfer (FrameSeal::transfer()), with the header `can`. `other` is room
-  // to work in; the changed frame is the one that is returned. `seal` writes the checks of frames; nullptr: they have
-  // none. `is_last`: the line is idle afterwards.
+  // to work in; the changed frame is the one that is returned. `seal` writes the checks of frames; nullptr: the
+  // frames have none. `is_last`: the line is idle afterwards.
   ChangingFrame& change(ChangingFrame& frame, ChangingFrame& other, FrameSeal* seal, const CanHeader& can,
                         const UartSettings& uart, bool is_last) noexcept;
   // Writes the bytes of the host that the device receives to `received`. Returns their number.

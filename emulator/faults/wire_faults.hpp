@@ -33,7 +33,7 @@ enum class WireFault : std::uint8_t {
 
 // The table, in the order of WireFault, with the target "wire".
 std::span<const FaultKind> wire_fault_kinds() noexcept;
-// `kind` is one of the table.
+// `kind` must be of wire_fault_kinds().
 inline WireFault wire_fault(const FaultKind& kind) noexcept { return kind.code.as<WireFault>(); }
 
 // Returns why a kind of the table cannot be on the line of a product with these settings, which are valid, and the

@@ -130,7 +130,7 @@ struct ImuCounters : CounterGroup {
   // Edges on the trigger and PPS pins that Sync refused.
   Counter edges_refused{*this, {"edges_refused", "edges refused", Show::if_not_zero, Show::if_not_zero}};
   // Fixes of the receiver, magnetic headings, headings by two antennas, barometric heights and rests that the unit's
-  // own filter used, and rejected. They begin again with a reload that changes the sensor.
+  // own filter used, and rejected. These counts begin again with a reload that changes the sensor.
   Counter fixes_used{*this, {"fixes_used", "fixes used"}};
   Counter fixes_rejected{*this, {"fixes_rejected", "fixes rejected", Show::if_not_zero, Show::if_not_zero}};
   Counter headings_used{*this, {"headings_used", "headings used"}};

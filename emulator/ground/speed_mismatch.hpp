@@ -8,8 +8,8 @@
 
 namespace imud {
 
-// A host that negotiates a bit rate has another one than the line for a moment, or tries one after another. Neither
-// is worth a report. One thread.
+// A host that negotiates a bit rate differs from the line for a moment, or tries several bit rates. Neither is worth
+// a report. One thread.
 class SpeedMismatch {
  public:
   // Called while the two ends have different speeds; `now` rises from call to call. Returns true if this pair of

@@ -13,7 +13,7 @@
 
 namespace imud {
 
-// A engine gives it every event, every received packet, and every frame that a port was passed. A sink that
+// An Engine gives the sink every event, every received packet, and every frame that was passed to a port. A sink that
 // keeps nothing costs a comparison.
 class StepSink {
  public:
@@ -44,8 +44,8 @@ class StepSink {
               const Endpoint& peer = {}) noexcept {
     if (keeps_) keep_packet(interface, direction, time, frame, peer);
   }
-  // Frames that a port was passed; it has dropped the last `dropped`. Sent frames get `interface`, dropped frames
-  // `interface` + 2.
+  // Frames that were passed to a port, which has dropped the last `dropped` of them. Sent frames get `interface`,
+  // dropped frames `interface` + 2.
   void frames(std::uint16_t interface, std::span<const Frame> frames, std::uint64_t dropped) noexcept {
     if (keeps_) keep_frames(interface, frames, dropped);
   }

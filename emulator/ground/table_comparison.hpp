@@ -12,7 +12,7 @@ namespace imud {
 using KeyDiffers = std::function<void(const std::string& key, const std::string& one, const std::string& other)>;
 
 // Calls `differs` for each key of the tables whose values differ, with `prefix` before it, and for the keys of tables
-// in both. `is_absent_empty`: an absent table is one without keys; otherwise it differs from an empty one.
+// in both. `is_absent_empty`: an absent table counts as an empty one; otherwise the two differ.
 void compare(const toml::table* one, const toml::table* other, const std::string& prefix, bool is_absent_empty,
              const KeyDiffers& differs);
 

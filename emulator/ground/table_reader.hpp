@@ -129,9 +129,9 @@ inline bool is_text(TableReader& table, std::string_view key) {
 // Returns the readers of the tables of a list, such as [[imu.cause]]; none if the key is absent. `heading` is the
 // tables' in the fault of another value.
 std::vector<TableReader> children(TableReader& table, std::string_view key, std::string_view heading);
-// Returns where the file is that `key` names by `path`, and resolves the key as that: from the folder of the file
-// that has the table, or, if nothing is there but something from the current folder, from that. An absolute path, and
-// an empty one, stay.
+// Returns the path of the file that `key` names by `path`, and resolves the key as this path. `path` is relative to
+// the folder of the file that has the table. If nothing is there, but something is there relative to the current
+// folder, `path` is relative to the current folder. An absolute path, and an empty one, are returned unchanged.
 std::string file_named(TableReader& table, std::string_view key, const std::string& path);
 // Adds a fault if the key is absent.
 void require(TableReader& table, std::string_view key, std::string_view what_it_is);

@@ -24,8 +24,8 @@ class BoundsWatch {
  public:
   enum class Kind : std::uint8_t {
     rate,      // the rate is greater than its bound, rad/s
-    force,     // the specific force is, m/s^2
-    velocity,  // the velocity is, m/s
+    force,     // the specific force is greater than its bound, m/s^2
+    velocity,  // the velocity is greater than its bound, m/s
     turn,      // the attitude turns faster than the bound of the rate, rad/s
     speed_up,  // the velocity changes faster than the bound of the acceleration and the gravitation, m/s^2
     jump,      // the position is elsewhere than the velocities lead, m

@@ -13,19 +13,19 @@ namespace imud {
 struct ExpectConfig {
   enum class What : std::uint8_t {
     host_sends,      // the host sends bytes, or `pattern`, within the time
-    host_is_silent,  // it sends none, or not `pattern`, during the time
-    host_reopens,    // after the port had no reader, it has one, within the time
+    host_is_silent,  // the host sends no bytes, or not `pattern`, during the time
+    host_reopens,    // the port, which had no reader, has a reader within the time
   };
   std::string name;  // "expect1" if it has none
-  std::string imu;   // whose host
+  std::string imu;   // the imu whose host is watched
   What what = What::host_sends;
   HostBytes pattern;
   std::optional<std::size_t> fault;  // the number of the fault after which the time begins
-  bool after_end = false;            // after its end; false: after its begin
-  double at_s = 0;                   // else: s after the begin of the run
+  bool after_end = false;            // after the fault's end; false: after its begin
+  double at_s = 0;                   // without a fault: the begin of the time, s after the begin of the run
   double within_s = 0;               // the length of the time, above 0
 
-  // Describes it in a sentence.
+  // Describes the expectation in a sentence.
   std::string text() const;
 };
 

@@ -37,7 +37,7 @@ struct FaultParameter {
   bool is_per_s = false;  // the number is so much in each second
 };
 
-// Which enumerator of its seam's enum a kind is, such as SensorFault::bias.
+// The enumerator of a kind of fault in the enum of the kind's seam, such as SensorFault::bias.
 class FaultCode {
  public:
   constexpr FaultCode() noexcept = default;
@@ -46,7 +46,7 @@ class FaultCode {
   constexpr FaultCode(Enum value) noexcept : value_(static_cast<std::uint8_t>(value)) {}
 
   constexpr std::size_t value() const noexcept { return value_; }
-  // `Enum` is the enumeration of the seam.
+  // `Enum` must be the enumeration of the seam.
   template <class Enum>
   constexpr Enum as() const noexcept {
     return static_cast<Enum>(value_);
@@ -67,7 +67,7 @@ struct FaultKind {
   std::span<const std::string_view> targets;  // of the key `target`, without axes: "gyro"
   std::span<const FaultParameter> parameters = {};
   bool has_axes = false;  // the target may be one axis: "gyro.x"
-  bool is_ramped = true;  // its effect is proportional to a weight; false: it is there or not
+  bool is_ramped = true;  // the effect is proportional to a weight; false: the effect is on or off
   bool is_event = false;  // it happens at its begin, and has no duration
   // The state that stays after the end, and how long: "the counter stays ahead to the end of the run". Empty: bytes
   // after the end equal a run without the fault.

@@ -21,7 +21,7 @@ namespace imud {
 struct FaultNumber {
   enum class Law : std::uint8_t { fixed, uniform, normal };
   Law law = Law::fixed;
-  double a = 0, b = 0;  // the value; from a to b; mean a and standard deviation b
+  double a = 0, b = 0;  // fixed: the value a; uniform: from a to b; normal: mean a and standard deviation b
 
   // Returns the number for a deviate that is uniform in (0, 1).
   double draw(double uniform) const noexcept;
@@ -74,7 +74,7 @@ struct FaultConfig {
   const Settings* settings_of(std::string_view imu) const noexcept;
   // Returns the target with its axes: "gyro.x".
   std::string target_text() const;
-  // Describes it in a sentence with its times, for people.
+  // Describes the fault in a sentence with its times, for people.
   std::string text() const;
 };
 

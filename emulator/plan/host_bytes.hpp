@@ -11,13 +11,13 @@ namespace imud {
 // Bytes that a host sends; empty: any.
 using HostBytes = std::vector<std::byte>;
 
-// Returns them for people: "bytes" if any.
+// Returns a description of the bytes for people; "bytes" if the argument is empty.
 std::string text_of(const HostBytes& bytes);
 
-// Finds them in a host's bytes, in pieces of any length.
+// Finds wanted bytes in the bytes of a host, which come in pieces of any length.
 class HostBytesSearch {
  public:
-  // Takes the next byte that the host has sent. Returns true if `wanted` end with it.
+  // Takes the next byte that the host has sent. Returns true if this byte completes `wanted`.
   bool take(const HostBytes& wanted, std::byte byte) noexcept;
   bool take(const HostBytes& wanted, std::span<const std::byte> bytes) noexcept {
     bool is_found = false;

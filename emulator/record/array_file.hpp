@@ -1,4 +1,4 @@
-// ArrayFile: an array of NumPy that takes the place of the old one when it is whole.
+// ArrayFile: an array of NumPy that replaces the old array when the new one is complete.
 #pragma once
 
 #include <cstddef>
@@ -15,7 +15,7 @@ namespace imud {
 
 // The array is written to FILE.incomplete, which numpy.load reads, too, and commit() renames it to FILE: an old FILE
 // stays as it is until then. While it is incomplete, a trailer behind the rows has a text, which states the array's
-// origin, and a mark for each finished part of the array, so that another process can do the others. Rows are
+// origin, and a mark for each finished part of the array, so that another process can write the other parts. Rows are
 // written in any order, also by processes that have inherited the file.
 class ArrayFile {
  public:

@@ -16,9 +16,9 @@
 
 namespace imud {
 
-// The sampling thread calls it in the order of events; a thread of its own writes the file. After start() the
-// sampling thread neither allocates, locks nor waits here, unless `waits`: a packet for which the queue has no room
-// is counted as lost, and the place is marked.
+// The sampling thread calls a Recorder in the order of events; the Recorder's own thread writes the file. After
+// start() the sampling thread neither allocates, locks nor waits here, unless `waits`: a packet for which the queue
+// has no room is counted as lost, and the place is marked.
 class Recorder final : public StepSink {
  public:
   // The size of the queue, bytes: ten seconds of four imus at 1 kHz.

@@ -8,8 +8,9 @@
 
 namespace imud {
 
-// Where the two differ, the truth's own place and angle are used, and the configuration's date. Each function writes
-// the difference, with both values, and returns the length of the text; 0: there is none. No allocation.
+// Where the two differ, a run uses the truth's own place and angle, and the configuration's date. Each describe
+// function writes a text into `room`, such as the difference with both values, and returns its length; 0: there is no
+// text. No allocation.
 class PlaceWatch {
  public:
   explicit PlaceWatch(const TruthConfig& config)

@@ -7,8 +7,8 @@
 
 namespace imud {
 
-// Learns the usual step from the steps themselves, which may change: after a gap, a step may be twice as long before
-// it is a gap. The first two steps of a run are usual.
+// The usual step is learnt from the steps, and may change: each gap doubles the usual step. The first two steps of a
+// run count as usual.
 class StepWatch {
  public:
   static constexpr int far_above = 3;  // a step of more than so many usual ones is a gap
@@ -41,7 +41,7 @@ class TimeUnitWatch {
   static constexpr Nanoseconds shortest = std::chrono::microseconds(25);
 
   // `step`: from the newest truth; 0 for a repetition of its time. Returns true once: if the first three steps above
-  // 0 are all shorter than `shortest`, or the first is and follows many repetitions.
+  // 0 are all shorter than `shortest`, or if the first one is shorter and follows many repetitions.
   bool is_wrong(Nanoseconds step) noexcept {
     constexpr int few = 3, many = 10;
     if (count_ >= few) return false;

@@ -57,7 +57,7 @@ class TruthClock {
 
   // Returns the truth time that the sensors sample at `time`. It never decreases with `time`.
   TruthTime truth(HostTime time) const noexcept;
-  // Returns the same and fixes the map up to `time`: later observations change it only after `time`.
+  // Returns truth(`time`), and fixes the map up to `time`: later observations change it only after `time`.
   TruthTime use(HostTime time) noexcept;
 
   // The estimated rate, truth seconds per host second: 0.1 to 10.
@@ -70,7 +70,8 @@ class TruthClock {
   double delay_s() const noexcept { return delay_s_; }
   // How often the automatic delay was raised after it was settled.
   std::uint64_t delay_raises() const noexcept { return delay_raises_; }
-  // Returns the map's delay at `time`: once it has slewed, a given delay to the nanosecond.
+  // Returns the map's delay at `time`. Once the map has slewed to a given delay, this is that delay to the
+  // nanosecond.
   Nanoseconds delay(HostTime time) const noexcept { return nanoseconds(delay_at(time)); }
   // The latency of the last truth observed, relative to the line, s.
   double lateness_s() const noexcept { return lateness_s_; }

@@ -54,7 +54,7 @@ class TruthIntake {
   // Returns when poll() has to be called next, for the messages of the format and the frames that the port holds
   // back; nullopt: it need not be; HostTime{}: at once. take() and answer() change it.
   std::optional<HostTime> deadline() const noexcept;
-  // Sends the messages that are due at `now`. Never waits.
+  // Sends the messages of the format that are due at `now`. Never waits.
   void poll(HostTime now) noexcept;
 
   // Returns true once take() will never take another record; valid after take() has returned `nothing`.

@@ -25,7 +25,7 @@ class TruthMonitor {
   // Returns true if the truth of the last has_jumped() followed the truth before it closely: the simulator runs fast,
   // and its time has not leapt.
   bool is_dense() const noexcept;
-  // A truth that is later than this is late. At a low truth rate, a single truth may be late by much.
+  // Returns the lateness above which a truth counts as late. At a low truth rate, a single truth may be late by much.
   Nanoseconds tolerated() const noexcept;
   // Called when all waiting truths have been taken; the newest is `truth`. At `now` the sensors sample `sampled`,
   // and the clock runs at `rate` truth seconds per host second. Returns true if truth has been late for so long that

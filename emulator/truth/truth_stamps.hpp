@@ -20,11 +20,11 @@ class TruthStamps {
 
   enum class Result : std::uint8_t {
     used,
-    none,         // the truth has no stamp, or no clock's are used
+    none,         // the truth has no stamp, or no stamps are used
     other_clock,  // refused: the stamp is of another clock
-    far,          // refused: it is more than `farthest` from the arrival, or `longest_hold_up` before it if the
-                  // difference of stamp and simulation time is as in the stamp before
-    not_later,    // refused: it is not later than the stamp before, although the simulation time is
+    far,        // refused: the stamp is more than `farthest` from the arrival, or `longest_hold_up` before it if the
+                // difference of stamp and simulation time is as in the stamp before
+    not_later,  // refused: the stamp is not later than the stamp before, although the simulation time is later
   };
   // Takes the stamp of the truth of `time`, which is later than in the truths before, and arrived at `arrival` by the
   // clock. Forgets all stamps unless the result is `used` or `not_later`. `shift`: how much longer than the
