@@ -29,7 +29,8 @@ std::string_view name_of(Verdict word) noexcept {
 std::array<TermVerdict, allan_term_count> compare(const AllanCurve& curve, const AllanFit& fit,
                                                   const AllanTerms& model, double tolerance) {
   const double errors = boost::math::quantile(boost::math::normal(), 1 - false_difference / 2);
-  // At the least size that is seen, a term is seen half of the time; at twice that size practically always.
+  // A term of the least detectable size is detected half of the time; a term of twice this size practically
+  // always.
   constexpr double surely_seen = 2;
   std::array<TermVerdict, allan_term_count> verdicts;
   for (std::size_t t = 0; t < allan_term_count; ++t) {

@@ -159,8 +159,9 @@ class Averages {
       : phase_(phase), factor_(factor), resident_(resident), count_((phase.size() - 1) / factor) {}
   std::size_t count() const noexcept { return count_; }
 
-  // Subtracts the linear trend by least squares. With n averages a_i and points p_i of the phase, the sum of i a_i is
-  // (n - 1) p_n less the sum of the points between the ends. `sum_of_points`: of all of them; nullopt: not known.
+  // Subtracts the linear trend by least squares. With n averages a_i and points p_i of the phase, the sum of i a_i
+  // is (n - 1) p_n less the sum of the points between the ends. `sum_of_points`: the sum of all points; nullopt:
+  // not known.
   void remove_trend(std::optional<double> sum_of_points) noexcept {
     const double begin = phase_[0], end = phase_[count_ * factor_];
     const double inner = sum_of_points ? *sum_of_points - begin - end : inner_points();
@@ -168,7 +169,8 @@ class Averages {
     const double xy = (count - 1) / 2 * (begin + end) - inner;
     slope_ = xy / (count * (count * count - 1) / 12);
   }
-  // Returns the lag-1 autocorrelation of their differences of an order from 0 to 2; nullopt if they are constant.
+  // Returns the lag-1 autocorrelation of the averages' differences of an order from 0 to 2; nullopt if these are
+  // constant.
   IMUD_DISPATCHED std::optional<double> correlation(std::size_t order) const noexcept {
     const std::size_t count = count_ - order;
     const auto n = static_cast<double>(count);

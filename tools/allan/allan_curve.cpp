@@ -13,8 +13,8 @@ std::size_t largest_curve_factor(AllanKind kind, std::size_t samples) noexcept {
 
 namespace {
 
-// Every so many points of a phase: the averages over a multiple of them read no other points. And the sums of the
-// points at the multiples of a power of 2 below that, from one pass over all of them.
+// Points of a phase at a constant step: the averages over a multiple of the step read no other points. Also the
+// sums of the points at the multiples of each smaller power of 2, from one pass over all points.
 class CoarsePhase {
  public:
   static constexpr std::size_t step = 8;

@@ -24,8 +24,8 @@ class CompensatedSum {
   double sum_ = 0, lost_ = 0;
 };
 
-// Returns the sum of the squares of difference(i) for i from `begin` up to `end` in steps of `stride`. Several sums
-// at once keep the processor's pipeline busy, which a single one does not.
+// Returns the sum of the squares of difference(i) for i from `begin` up to `end` in steps of `stride`. Several
+// sums at once keep the processor's pipeline busy; a single sum does not.
 template <class Difference>
 inline double sum_of_squares(std::size_t begin, std::size_t end, std::size_t stride, Difference difference) noexcept {
   constexpr std::size_t lanes = 8;
@@ -52,7 +52,7 @@ inline double third_difference(const double* x, std::size_t m, std::size_t i) no
   return (x[i + 3 * m] - x[i + 2 * m]) - 2 * (x[i + 2 * m] - x[i + m]) + (x[i + m] - x[i]);
 }
 
-// With a stride of 1 that is known, the compiler uses vector registers.
+// If the stride is known to be 1, the compiler uses vector registers.
 IMUD_DISPATCHED double second_differences(const double* x, std::size_t m, std::size_t begin, std::size_t end,
                                           std::size_t stride) {
   const auto difference = [=](std::size_t i) { return second_difference(x, m, i); };
@@ -64,8 +64,8 @@ IMUD_DISPATCHED double third_differences(const double* x, std::size_t m, std::si
   return stride == 1 ? sum_of_squares(begin, end, 1, difference) : sum_of_squares(begin, end, stride, difference);
 }
 
-// The sum of squared second differences of the phase's averages over m points: SP1065 (13). It is continued from
-// point to point.
+// The sum of squared second differences of the phase's averages over m points: SP1065 (13). The sum is updated
+// from point to point.
 class ModifiedSum {
  public:
   ModifiedSum(const double* x, std::size_t m, const ResidentPages& resident) noexcept : x_(x), m_(m) {

@@ -11,7 +11,8 @@
 namespace imud {
 namespace {
 
-// A gamma distribution with mean 0 and the estimate's variance and skewness; the normal one if it is not skewed.
+// A gamma distribution with mean 0 and the estimate's variance and skewness; the normal distribution if the
+// skewness is 0.
 class NullDistribution {
  public:
   explicit NullDistribution(const AllanSolver::Estimate& estimate)
@@ -31,7 +32,7 @@ class NullDistribution {
   boost::math::gamma_distribution<> gamma_;
 };
 
-// Returns the solution without the terms that are not seen.
+// Returns the solution without the terms that are not detected.
 AllanSolution seen_terms(const AllanSolver& fit) {
   AllanSolution solution = fit.solve(all_terms);
   while (true) {
@@ -67,8 +68,8 @@ AllanFit fit_allan_terms(const AllanCurve& curve, double from_s, double to_s) {
   if (!fit.is_possible()) return result;
   fit.choose_misfit();
   AllanSolution solution = seen_terms(fit);
-  // Flicker that begins at an averaging time is lower at shorter ones. Quantization could make up for the difference:
-  // it is seen only if flicker alone does not explain the points.
+  // Flicker that begins at an averaging time is lower at shorter averaging times. Quantization could compensate
+  // for the difference; therefore quantization is detected only if flicker alone does not explain the points.
   for (const TermSet allowed : {all_terms & ~quantization_bit, all_terms}) {
     if (!contains(solution.active, flicker_column)) break;
     if (allowed == all_terms && (solution.active & quantization_bit) == 0) break;

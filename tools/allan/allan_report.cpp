@@ -36,7 +36,7 @@ constexpr std::array<TermUnit, allan_term_count> force_units = {{
 constexpr TermUnit rate_deviation = {"deviation", "rad/s", "deg/h", "", hour / units::degree};
 constexpr TermUnit force_deviation = {"deviation", "m/s^2", "mg", "", 1 / milli_g};
 
-// A number, or null for one that JSON does not have.
+// A number, or null for a number that JSON cannot represent.
 nlohmann::json number_or_null(double number) {
   return std::isfinite(number) ? nlohmann::json(number) : nlohmann::json(nullptr);
 }

@@ -91,7 +91,8 @@ void AllanSolver::set_flicker_band(double from_s) {
 }
 
 double AllanSolver::deviance(const AllanSolution& s) const {
-  // The deviance of gamma distributions, whose points' skewness does not enlarge it as it does a sum of squares.
+  // The deviance of gamma distributions. The skewness of the points does not enlarge the deviance, but would
+  // enlarge a sum of squares.
   const ArrayXd ratio = measured_.array() / s.model.array();
   const ArrayXd degrees = 2 * s.model.array().square() / s.uncertainty.array();
   return (degrees * (ratio - 1 - ratio.log())).sum();
@@ -150,7 +151,7 @@ AllanSolution AllanSolver::solve(TermSet allowed) const {
     const ArrayXd v = solution.model;
     const ArrayXd deviation = round == 0 ? ArrayXd(n * (2 / degrees_.array()).sqrt())
                                          : ArrayXd(VectorXd(spread_.cwiseProduct(unit_) * solution.squares));
-    // The ramp is no noise: its square shifts chi-square and makes it non-central.
+    // The ramp is no noise: its square shifts chi-square, which becomes non-central.
     solution.uncertainty =
         (deviation.square() * (1 + 2 * (v - n) / n) + (misfit_ * v).square()).max(1e-18 * v.square());
     const VectorXd weights = solution.uncertainty.cwiseInverse();
@@ -218,7 +219,8 @@ AllanSolver::Estimate AllanSolver::estimate(std::size_t term, const AllanSolutio
     if (t != term && contains(solution.active, t)) columns.push_back(static_cast<Eigen::Index>(t));
   const VectorXd weights = solution.uncertainty.cwiseInverse();
   MatrixXd design = unit_(Eigen::all, columns);
-  // Flicker's band is one more parameter, if it has an effect. It is known beforehand to be among the bands.
+  // The band of the flicker is one more parameter, if the band has an effect. Its prior is the range of possible
+  // bands.
   const bool has_band =
       contains(solution.active, flicker_column) && flicker_change_.size() > 0 && !flicker_change_.isZero(0);
   if (has_band) {

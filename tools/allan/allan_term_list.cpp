@@ -20,7 +20,8 @@ std::array<double, allan_term_count> unit_variances(AllanKind kind, const Averag
   if (is_hadamard(kind)) return {Q * 10 / 9, N, B * std::log(256.0 / 27) / (4 * ln2), K / 2, 0};
   if (kind == AllanKind::total)
     // The bias of the reflection: SP1065 5.2.11 for B and K. At up to half of the record, 2 tau/T of the squares
-    // are reflected. For Q they have 10/6 of the others' mean; for R, the mean over the quadratic phase.
+    // are reflected. For Q the reflected squares have 10/6 of the mean of the others; for R, the mean over the
+    // quadratic phase.
     return {Q * (1 + share * 4 / 3), N, B * (1 - share / (3 * ln2)), K * (1 - 0.75 * share),
             R * (1 - share * 14 / 15)};
   return {Q, N, B, K, R};

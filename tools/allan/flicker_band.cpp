@@ -35,8 +35,8 @@ double process_variance(int number) noexcept {
 class LinearDensity {
  public:
   LinearDensity() {
-    // imud has 16 to 32 nodes, by the period. With 20 the deviation at short times is right within 1 % of the flat
-    // part.
+    // imud has 16 to 32 nodes, depending on the period. With 20 nodes the error of the deviation at short times is
+    // below 1 % of the flat part.
     constexpr double nodes = 20;
     const double transition = std::exp(-1 / nodes);
     for (int i = 0; i < std::ssize(table_); ++i) {

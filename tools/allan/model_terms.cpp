@@ -94,7 +94,8 @@ SampleNoise sample_noise(const TriadErrors& errors, const AllanTerms& terms, int
   return noise;
 }
 
-// Returns the sensor of a product with these settings and this model; nullopt if it cannot have it.
+// Returns the sensor of a product with these settings and this model; nullopt if the product cannot have the
+// model.
 std::optional<ImuModel> product_model(const std::string& model, const DecodeOptions& source) {
   const Protocol* protocol = find_protocol(source.protocol);
   if (protocol == nullptr || protocol->product == nullptr) return std::nullopt;
@@ -116,7 +117,7 @@ std::optional<ImuModel> product_model(const std::string& model, const DecodeOpti
   }
 }
 
-// Returns the sensor whose samples have this rate; nullopt if it cannot have it.
+// Returns the sensor whose samples have this rate; nullopt if the sensor cannot have the rate.
 std::optional<ImuModel> sender(const std::string& model, double rate_hz, const DecodeOptions& source) {
   if (auto product = product_model(model, source)) return product;
   try {

@@ -43,9 +43,9 @@ std::string term_line(const std::array<const AllanReport::Axis*, channels_per_se
                      fmt::join(values, ", "), unit.datasheet);
 }
 
-// Returns the averaging times between which imud's flicker is to be flat: from where white noise is ten times as
-// large in each axis, or from where it begins, to the longest of the recording, if these are beyond imud's own 1 s to
-// 1000 s.
+// Returns the preset's lines with the averaging times between which imud's flicker is to be flat, if these are
+// beyond imud's own range from 1 s to 1000 s. The first is the time at which white noise is ten times as large in
+// each axis, or at which flicker begins; the last is the longest averaging time of the recording.
 std::string flat_lines(const std::array<const AllanReport::Axis*, channels_per_sensor>& axes) {
   double from_s = 1, to_s = 1000;
   for (const AllanReport::Axis* axis : axes) {

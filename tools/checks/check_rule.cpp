@@ -60,13 +60,13 @@ std::vector<CheckRule> check_rules() {
     rules.push_back(crc_rule(algorithm.parameters));
     rules.back().names.emplace_back(algorithm.name);
   }
-  // Some products fill the range up to words of four bytes that are not sent.
+  // Some products compute the check over padding bytes, up to words of four bytes, that are not sent.
   for (std::size_t i = 0, count = rules.size(); i < count; ++i)
     for (std::size_t zeros = 1; rules[i].kind == crc && rules[i].size == 4 && zeros < 4; ++zeros) {
       rules.push_back(rules[i]);
       rules.back().zeros = zeros;
     }
-  // MAVLink's is also of a byte that each message has of its own, and that is not sent.
+  // MAVLink's check also covers a byte that is specific to each message and is not sent.
   CheckRule mavlink = crc_rule(find_crc("crc16/mcrf4xx")->parameters);
   mavlink.names = {"crc16/mcrf4xx"};
   mavlink.zeros = 1;

@@ -110,7 +110,7 @@ void CheckSearch::after_pair(const std::vector<CheckRule>& rules, std::size_t fi
         // The check begins at a byte that varies, or its high bytes are constant.
         for (std::size_t at = start - std::min(start, rule.size - 1); at <= start; ++at)
           for (std::size_t head = at - std::min(at, longest_head); head <= at; ++head) {
-            // A range that begins at constant bytes is as good as one that begins after them.
+            // A range that begins with constant bytes is equivalent to a range that begins after them.
             if (head != at && !varies_[head]) continue;
             CheckDifference difference(rule, words);
             for (std::size_t i = head; i < at; ++i) difference.add(one[i], other[i]);
@@ -178,7 +178,7 @@ void CheckSearch::find_forms(const Candidate& candidate, FoundCheck& check) cons
   if (check.forms.empty() && candidate.rule->is_extra_known) find_own_forms(candidate, check);
 }
 
-// Forms with an initial value of their own, or with a byte more than is sent: for the whole range.
+// Adds forms for the whole range that have an own initial value, or cover a further byte that is not sent.
 void CheckSearch::find_own_forms(const Candidate& candidate, FoundCheck& check) const {
   const CheckRule& rule = *candidate.rule;
   std::size_t first = candidate.ranges.front().first;
@@ -212,7 +212,7 @@ void CheckSearch::find_own_forms(const Candidate& candidate, FoundCheck& check) 
       if (check.forms.empty()) add(std::move(form));
     return;
   }
-  // A constant in a sum of few bytes fits relations of the data.
+  // A sum of few bytes with a constant would also fit relations of the data.
   if (rule.size != 1 || check.share < whole_share ||
       varying_in(candidate.ranges.back().first, candidate.ranges.back().second) < many_bytes)
     return;
@@ -264,14 +264,15 @@ std::vector<FoundCheck> CheckSearch::chosen(std::vector<FoundCheck> found) const
       const std::size_t ahead = (check.at + length_ - other.at) % length_;
       overlaps |= ahead < other.size || length_ - ahead < check.size;
     }
-    // Another algorithm at the same place is an alternative, if it has the same range.
+    // Another algorithm at the same place is an alternative form, if its range is the same.
     if (same != nullptr && same->is_big == check.is_big && same->ranges.back().second == check.ranges.back().second)
       for (FoundCheck::Form& form : check.forms)
         if (std::ranges::none_of(same->forms, [&](const FoundCheck::Form& one) {
               return one.name == form.name && one.begin == form.begin;
             }))
           same->forms.push_back(std::move(form));
-    // Beside a check of the whole frame, short ones are of its beginning: others are relations of the data.
+    // Beside a check of the whole frame, a short check must cover the frame's beginning; other short checks are
+    // relations of the data.
     const bool is_by_chance =
         check.size == 1 && !chosen.empty() && chosen.front().is_whole() &&
         std::ranges::none_of(check.forms, [&](const FoundCheck::Form& form) {

@@ -26,7 +26,7 @@ class Polynomial {
   }
   std::uint64_t low() const { return words_.front(); }
 
-  // Replaces this by the remainder of its division by `divisor`, which is not 0.
+  // Replaces this by the remainder of its division by `divisor`. Requires a divisor other than 0.
   void reduce(const Polynomial& divisor) {
     const std::size_t last = *divisor.degree();
     while (true) {
@@ -40,7 +40,7 @@ class Polynomial {
       }
     }
   }
-  // Divides by x as often as that is possible: a generator is odd.
+  // Divides by x as often as possible, because a generator is odd.
   void remove_powers() {
     const auto last = degree();
     if (!last) return;

@@ -26,7 +26,7 @@ double variance_of(std::span<const double> values) {
   return sum / static_cast<double>(values.size() - 1);
 }
 
-// Returns the variance of the means of the blocks times the samples of each.
+// Returns the variance of the means of the blocks, times the number of samples of a block.
 double white_variance(std::span<const double> values) {
   const std::size_t length = values.size() / blocks;
   std::array<double, blocks> means{};

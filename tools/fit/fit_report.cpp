@@ -15,7 +15,7 @@ namespace {
 
 constexpr double deg_per_hr = units::degree / 3600, g = units::standard_gravity, mg = 1e-3 * g;
 
-// A term of one axis as people have it.
+// A term of one axis, with name and unit for people.
 struct Shown {
   std::string name;
   const char* key;  // in JSON
@@ -51,7 +51,7 @@ Shown shown(FitTerm term, int axis, bool is_rate) {
   return {"scale by temperature", "scale_by_temperature", 0, 1e-6, "ppm/C"};
 }
 
-// Returns the dwells that would show a term.
+// Returns a text about the dwells that would determine a term.
 std::string_view remedy(FitTerm term, int axis) {
   switch (term) {
     case FitTerm::bias:

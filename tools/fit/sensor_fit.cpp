@@ -15,7 +15,7 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 using Index = Eigen::Index;
 
-// The covariance of the means of two dwells, of flicker noise of B = 1.
+// Returns the covariance of the means of two dwells due to flicker noise with B = 1.
 double flicker_covariance(const DwellMean& a, const DwellMean& b, bool is_same) {
   const TriadErrors band;  // from and to its own averaging times
   const std::size_t count = Flicker::octaves(band.flicker_from_s, band.flicker_to_s);
