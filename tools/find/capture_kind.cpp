@@ -68,7 +68,7 @@ std::string shape_of(std::string_view line, bool (*is_digit)(char)) {
   return shape;
 }
 
-// Returns what a comment may have of it.
+// Returns the part of the text that a comment may contain.
 std::string shown(std::string_view text) {
   constexpr std::size_t longest_shown = 200;
   std::string all(text.substr(0, longest_shown));
@@ -143,7 +143,7 @@ std::string describe_lines(Stream capture, const std::string& source) {
       text, [](char c) { return (c >= ' ' && c <= '~') || c == '\r' || c == '\n' || c == '\t'; });
   if (text.empty() || static_cast<double>(printable) < least_printable * static_cast<double>(text.size())) return "";
   std::vector<std::string_view> lines;
-  // The first line may be a part of one.
+  // The first line may be incomplete.
   for (std::size_t begin = text.find('\n'), end; begin < text.size(); begin = end) {
     end = text.find('\n', begin + 1);
     if (end == text.npos) break;
@@ -153,7 +153,7 @@ std::string describe_lines(Stream capture, const std::string& source) {
   const std::size_t all = lines.size();
   if (all < fewest_lines) return "";
   std::map<std::string, Lines> shapes = shapes_of(lines, is_numeric);
-  // Hexadecimal numbers look like many kinds of lines.
+  // Hexadecimal numbers would look like many kinds of lines.
   if (auto others = shapes_of(lines, is_hexadecimal); 4 * others.size() <= shapes.size()) shapes = std::move(others);
   std::vector<const std::pair<const std::string, Lines>*> order;
   for (const auto& one : shapes) order.push_back(&one);

@@ -1,4 +1,4 @@
-// The numbers of a frame that follow from its place in the stream, or from its length.
+// Finds the numbers of a frame that depend on the frame's place in the stream, or on its length.
 #include <algorithm>
 #include <cmath>
 #include <iterator>
@@ -16,13 +16,13 @@ using Stream = std::span<const std::byte>;
 constexpr double steady_share = 0.85;
 constexpr std::size_t most_compared = 4000;  // frames
 
-// A number that may count.
+// A number that may be a counter.
 struct Number {
   std::size_t at, size;
   bool is_big, is_float;
 };
 
-// Pairs of frames of which one follows the other in the stream, without a gap.
+// Pairs of frames that follow each other in the stream without a gap.
 using Pairs = std::vector<std::pair<Stream, Stream>>;
 
 // Frames of other messages may stand between both.
@@ -125,7 +125,7 @@ std::optional<FoundCounter> float_clock(const Number& number, const Pairs& pairs
   const auto middle = steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2);
   std::ranges::nth_element(steps, middle);
   const double step = *middle;
-  // Nearly the largest value: damaged frames have any.
+  // Nearly the largest value, because damaged frames may have any value.
   const auto high = values.begin() + static_cast<std::ptrdiff_t>(values.size() * 9 / 10);
   std::ranges::nth_element(values, high);
   const double largest = *high;
@@ -234,7 +234,8 @@ std::uint64_t length_at(const FoundMessage& message, const FoundLength& length) 
   return number_at(message.usual, length.at, length.size, length.is_big);
 }
 
-// A length stands near the beginning: all before it is constant, but for a check. It is no part of a check.
+// A length stands near the beginning: all bytes before it are constant, except for a check. A length is no part of
+// a check.
 bool may_be_length(const FoundMessage& message, const FoundLength& length) {
   const std::size_t end = length.at + length.size;
   if (end > std::min(last_length_place, message.length)) return false;
@@ -246,9 +247,9 @@ bool may_be_length(const FoundMessage& message, const FoundLength& length) {
   return true;
 }
 
-// Finds the bytes that a length counts, the most usual ones first: those behind the length, and behind a check or two
-// that follow it, up to a check or the end; then the whole frame; then others. Returns how usual they are, 0 if there
-// are none.
+// Finds the bytes that a length counts. The most usual ranges are tried first: the bytes behind the length, or
+// behind a check or two that follow the length, up to a check or the end of the frame; then the whole frame; then
+// other ranges. Returns how usual the range is; 0 if no range fits.
 int find_counted(const FoundMessage& message, FoundLength& length) {
   const std::uint64_t counted = length_at(message, length);
   std::vector<std::size_t> ends = {message.length}, behind = {length.at + length.size};

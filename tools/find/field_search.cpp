@@ -113,7 +113,7 @@ class FieldSearch {
     for (const VectorPlace& place : vectors_)
       if (auto fit = fit_gravity(frames_, place)) gravities_.push_back({place, std::move(*fit)});
     keep_distinct(gravities_);
-    // All components of a specific force change, and by chance fewer do.
+    // All components of a specific force change; in a vector that is one by chance, fewer components change.
     std::ranges::stable_sort(gravities_, {}, [](const Gravity& one) {
       return std::tuple(-std::ranges::count(one.place.is_lively, true), one.fit.deviation);
     });
@@ -169,7 +169,8 @@ class FieldSearch {
     gravities_ = std::move(sorted);
   }
 
-  // Adds the three fields; false if the message has that quantity, or one of them is in bytes that have a meaning.
+  // Adds the three fields. Returns false if the message has that quantity already, or if one of the fields
+  // overlaps bytes with a known meaning.
   bool add(const VectorPlace& place, VectorQuantity quantity, const UsualScale& scale,
            const std::array<std::size_t, 3>& axis, const std::array<bool, 3>& is_negative) {
     const FrameNumber& type = place.first.type;
@@ -287,7 +288,7 @@ class FieldSearch {
       std::array<bool, 3> is_negative{};
       const auto axis = axes_along(one.fit, force.fit, is_negative);
       if (!axis || !named_.contains({force.place.first.message, VectorQuantity::specific_force})) continue;
-      // The same number in another message, or increments.
+      // The vector is the same number in another message, or increments.
       constexpr double alike = 0.01;
       const bool is_same = one.place.first.type.format == force.place.first.type.format &&
                            std::abs(one.fit.norm / force.fit.norm - 1) < alike;

@@ -82,7 +82,7 @@ std::vector<std::byte> read_capture(const std::string& capture, double for_s, st
 }
 
 int find_check(const FindOptions& options, double for_s, double rate_hz, bool& running) {
-  // The capture in motion is the first: its bytes vary, and frames are found by the bytes that do not.
+  // The capture in motion comes first: most of its bytes vary, and frames are found by the bytes that do not vary.
   std::vector<std::byte> stream, rest = read_capture(options.capture, for_s, most_bytes);
   if (!options.turned.empty()) stream = read_capture(options.turned, for_s, most_bytes);
   const std::string lines = describe_lines(rest, options.capture);

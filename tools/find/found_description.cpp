@@ -119,7 +119,7 @@ class MessageText {
       values_ += fmt::format("{}{} = {:.13g}", values_.empty() ? "" : ", ", field.name, value);
   }
 
-  // A frame whose checks all agree, from the middle of the stream; empty if there is none.
+  // Returns a frame whose checks all agree, from the middle of the stream; empty if there is no such frame.
   Stream good_frame() const {
     const auto frames = frames_of(message_, stream_);
     const FrameChecks checks(message_);
@@ -230,7 +230,7 @@ class MessageText {
     }
   }
 
-  // Adds a clock whose unit is known, if there is none yet; returns what is known of its unit.
+  // Adds a clock whose unit is known, if there is no clock yet. Returns a text about the clock's unit.
   std::string add_clock(const FoundCounter& one, const std::string& type, bool& has_clock) {
     const double rate_hz = text_.rate_hz / divider_;
     if (!(rate_hz > 0)) return fmt::format("a clock, of {:.6g} units a frame; --rate-hz gives the unit", one.step);
@@ -271,7 +271,7 @@ class MessageText {
     for (const std::string& note : message_.notes) remark(note);
   }
 
-  // The header, and the bytes behind it that tell this message from the others.
+  // The header, and the bytes behind it that distinguish this message from the others.
   std::vector<bool> fixed_bytes() const {
     std::vector<bool> is_fixed(message_.length);
     for (std::size_t at = 0; at < message_.header; ++at) is_fixed[at] = true;

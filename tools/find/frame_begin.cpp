@@ -9,8 +9,8 @@ namespace {
 
 constexpr std::size_t longest_end = 2;  // constant bytes behind a check that end the frame
 
-// Returns how many bytes to move a check, so that it is in the frame that begins at `begin`; nullopt if it is in
-// none.
+// Returns the number of bytes by which to move a check into the frame that begins at `begin`; nullopt if the check
+// is in no frame.
 std::optional<std::ptrdiff_t> moved(const FoundCheck& check, std::size_t begin, std::size_t length, bool is_cyclic) {
   std::size_t first = check.at, last = std::max(check.at + check.size, check.ranges.back().second);
   std::size_t latest = 0;  // at which one of the forms begins
@@ -28,7 +28,7 @@ bool is_usual_end(std::byte byte) {
   return byte == std::byte{0x03} || byte == std::byte{0x0A} || byte == std::byte{0x0D};
 }
 
-// How well a byte begins a frame.
+// Rates how well a byte begins a frame.
 bool is_header(std::byte byte, bool follows_check) {
   if (is_usual_end(byte)) return false;
   // Behind a check there is no high byte of a number, but a low one may be 0. STX begins what ETX ends.

@@ -30,7 +30,7 @@ std::vector<Stream> windows_of(const FrameSplit::Kind& kind, std::size_t before,
 
 bool is_whole(const FoundCheck& check) { return check.is_whole(); }
 
-// A message that hardly varies shows no check: it may have the check of the others.
+// A message that hardly varies does not reveal its check; it may have the check of the other messages.
 void adopt_check(Trial& trial, std::size_t kind) {
   for (std::size_t other = 0; other < trial.checks.size(); ++other)
     for (const FoundCheck& check : trial.checks[other])
@@ -82,8 +82,9 @@ double mean_length(const FrameSplit& split) {
   return static_cast<double>(bytes) / static_cast<double>(frames);
 }
 
-// Returns true if the first trial explains more of the stream, or explains it more simply. Several frames with checks
-// may look like one with all of them; without checks, one long frame is as good as several.
+// Returns true if the first trial explains more of the stream, or explains it more simply. Several frames with
+// checks may look like one frame with all of these checks; without checks, one long frame explains the stream as
+// well as several frames.
 bool is_better(const Trial& a, const Trial& b) {
   constexpr double alike = 0.01, much_shorter = 0.75;
   const double more = a.checked * a.split.coverage - b.checked * b.split.coverage;

@@ -19,7 +19,7 @@ constexpr std::size_t most_lengths = 64;
 constexpr std::size_t seldom = 50;  // fewer frames than this share of the most frequent ones are a chance
 constexpr std::size_t most_splits = 24;
 constexpr std::size_t most_rules = 4;  // of the same lengths, that are compared on the whole stream
-// The share of the anchors of a length that have another one behind them; less for damage.
+// The share of the anchors of a length that another anchor follows; below 1, because frames may be damaged.
 constexpr double regular = 0.8;
 constexpr double least_coverage = 0.6;
 
@@ -186,7 +186,7 @@ double rank_of(const LengthRule& rule, const FrameSplit& split, Stream stream) {
 
 std::vector<FrameSplit> find_splits(Stream stream) {
   const Stream head = stream.first(std::min(stream.size(), searched));
-  // Rules that divide into as many frames of the same lengths differ in the anchor's place in the frame alone.
+  // Rules that give equally many frames of the same lengths differ only in the anchor's place in the frame.
   std::map<std::vector<std::size_t>, std::vector<RankedRule>> by_lengths;
   for (const Anchor& anchor : anchors_in(head)) {
     const std::vector<std::size_t> all = places_of(anchor, head);

@@ -13,7 +13,8 @@ namespace {
 
 constexpr std::size_t most_handled = 50'000;  // of a message in a capture
 constexpr std::size_t most_blocks = 1500;
-// A number of a sensor is 0 or between these: others are no numbers, but bytes that are read as a float.
+// A number of a sensor is 0, or its magnitude is between these limits. Other values are not numbers of a sensor,
+// but other bytes read as a float.
 constexpr double smallest_number = 1e-12, largest_number = 1e12;
 
 bool is_plausible(double value) {

@@ -10,7 +10,7 @@ constexpr std::size_t longest_head = 16, shortest_head = 3;  // bytes
 constexpr double most_chance_log2 = -32;
 constexpr double least_agreeing = 0.97;
 
-// Sums of one byte that varies are copies of it, or other counters.
+// A sum over a single varying byte is a copy of this byte, or another counter.
 bool is_copy(const FoundCheck& check, const CheckSearch& search) {
   if (check.forms.front().name.starts_with("crc")) return false;
   std::size_t varying = 0;
@@ -30,7 +30,7 @@ std::vector<FoundCheck> find_header_checks(const FoundMessage& message, std::spa
     const auto apart = [&](const FoundCheck& other) { return !overlaps(check, other); };
     return std::ranges::all_of(message.checks, apart) && std::ranges::all_of(found, apart);
   };
-  // A head ends with the check, or with the bytes that it is of.
+  // A head ends with the check, or with the bytes that the check covers.
   for (std::size_t head = shortest_head; head <= std::min(longest_head, message.length); ++head) {
     std::vector<CheckSearch::Window> windows;
     for (const FrameSplit::Place& frame : message.frames) windows.push_back(stream.subspan(frame.at, head));

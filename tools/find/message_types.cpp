@@ -24,7 +24,7 @@ unsigned value_at(Stream stream, const FrameSplit::Place& frame, std::size_t at)
   return std::to_integer<unsigned>(stream[frame.at + at]);
 }
 
-// The values that are types, if the byte at `at` is one; otherwise none.
+// Returns the values that are types, if the byte at `at` is a type; otherwise an empty list.
 std::vector<unsigned> types_at(Places frames, std::size_t at, Stream stream) {
   std::array<std::size_t, 256> counts{};
   for (const FrameSplit::Place& frame : frames) ++counts[value_at(stream, frame, at)];
@@ -65,7 +65,7 @@ std::size_t alike(Places frames, std::size_t at, std::span<const unsigned> label
 }
 
 // How much more the types tell about the other bytes than the same types in random order: the sum of the shares of
-// frames, by bytes. 0 if no two bytes depend on the type: one alone may be another counter.
+// frames, by bytes. 0 if fewer than two bytes depend on the type, because a single byte may be another counter.
 double gain_of(Places frames, std::size_t length, std::size_t type_at, const std::vector<bool>& is_taken,
                Stream stream) {
   std::vector<unsigned> types;

@@ -1,4 +1,4 @@
-// Lists what bytes that are no known field may mean, such as a temperature, for people who can tell whether it is so.
+// Lists possible meanings of the bytes that are no known field, such as a temperature, for people who can decide.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -41,7 +41,7 @@ std::optional<Reading> read(const HandledFrames& frames, const NumberPlace& plac
 
 bool is_number(const Reading& reading) {
   if (!reading.place.type.is_float()) return reading.is_moved() || reading.is_slow();
-  // Bytes that are no float have any exponent.
+  // Bytes that are no float may have any exponent.
   const double mean = std::max(std::abs(reading.rest.mean), std::abs(reading.turned.mean));
   const double sigma = std::max(reading.rest.sigma, reading.turned.sigma);
   return sigma > 0 && mean > 1e-6 && mean < 1e9 && sigma < most_spread * mean;

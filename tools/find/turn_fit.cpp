@@ -39,7 +39,7 @@ struct Pairing {
 
 Pairing solve(const std::array<std::size_t, 3>& axis, const Matrix9& normal, const Vector9& right, double all) {
   Pairing pairing{axis};
-  // Components that do not move at all have no part.
+  // Components that do not move at all are left out.
   std::vector<std::size_t> used;
   double largest = 0;
   for (std::size_t j = 0; j < 3; ++j) {
@@ -184,7 +184,7 @@ std::optional<TurnFound> TurnFit::fit(const VectorPlace& place) const {
   found.windows = windows_.size();
   found.explained = 1 - best->squares / all;
   if (found.explained < least_explained) return std::nullopt;
-  // A window has two residuals: the third is along u.
+  // A window has two residuals, because the third would be along u.
   const double variance = best->squares / (2 * count - 3);
   for (std::size_t j = 0; j < 3; ++j) {
     const auto at = static_cast<Eigen::Index>(j);
@@ -197,8 +197,8 @@ std::optional<TurnFound> TurnFit::fit(const VectorPlace& place) const {
   return found;
 }
 
-// Returns for each component of `one` the component of `other` along it; nullopt if their directions differ. `sign`:
-// of each.
+// Returns, for each component of `one`, the parallel component of `other`; nullopt if their directions differ.
+// `sign`: the sign of each component.
 std::optional<std::array<std::size_t, 3>> axes_along(const GravityFit& one, const GravityFit& other,
                                                      std::array<bool, 3>& is_negative) {
   Eigen::Matrix3d sum = Eigen::Matrix3d::Zero();

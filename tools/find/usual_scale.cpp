@@ -18,7 +18,7 @@ constexpr auto chosen(const Units& units, Suffixes... suffixes) {
   return std::to_array({*find_unit(units, suffixes)...});
 }
 
-// The units that manuals give an LSB in, the most usual two first.
+// The units in which manuals state an LSB; the two most usual units come first.
 constexpr auto forces = chosen(key_units::acceleration, "_g", "_m_per_s2", "_mg", "_ft_per_s2", "_cm_per_s2", "_ug");
 constexpr auto rates = chosen(key_units::rate, "_deg_per_s", "_rad_per_s", "_mrad_per_s", "_deg_per_hr");
 constexpr auto velocities = chosen(key_units::speed, "_m_per_s", "_ft_per_s");
@@ -58,7 +58,7 @@ std::vector<UsualScale> figures(VectorQuantity quantity, bool is_float, std::siz
     for (const KeyUnit& unit : units_of(quantity)) add(unit, 1, "1");
     return all;
   }
-  // Other units are decimals of these.
+  // Other units are decimal multiples of these.
   const std::span<const KeyUnit> main_units = units_of(quantity).first(2);
   for (const int digit : {1, 2, 4, 5})
     for (int power = -9; power <= 0; ++power)
@@ -77,7 +77,7 @@ std::vector<UsualScale> figures(VectorQuantity quantity, bool is_float, std::siz
   return all;
 }
 
-// Returns the number of figures that are as near to a number by chance, on average.
+// Returns the mean number of figures that are equally near to a number by chance.
 double usual_by_chance(VectorQuantity quantity, bool is_float, std::size_t bytes, double si, double tolerance) {
   // The density of figures in the decade about the number.
   const auto count = static_cast<double>(figures(quantity, is_float, bytes, si, std::sqrt(10.0)).size());

@@ -11,7 +11,7 @@ namespace {
 constexpr std::size_t longest_stride = 64;  // bytes
 constexpr std::size_t most_vectors = 1500;
 constexpr std::size_t pairs_of_frames = 512;  // of frames
-// A number of the motion changes from frame to frame by less than this share of all its changes.
+// A number that follows the motion changes from frame to frame by less than this share of all its changes.
 constexpr double most_vector_step = 0.6;
 constexpr double times_still = 4;  // and by so much more than at rest
 
@@ -35,8 +35,8 @@ Liveliness liveliness_of(const HandledFrames& frames, const NumberPlace& place) 
   if (!rest.is_finite) return Liveliness::none;
   const NumberStatistics turned = frames.statistics(place, Handled::turned, pairs_of_frames);
   if (!turned.is_finite) return Liveliness::none;
-  // Signed numbers that are read as offset binary lie at the ends of the range, and jump from one to the other; as do
-  // those in offset binary that are read as signed ones.
+  // Signed numbers that are read as offset binary lie at the ends of the range, and jump from one to the other; so
+  // do numbers in offset binary that are read as signed numbers.
   if (!place.type.is_float()) {
     using enum FrameNumber::Format;
     NumberPlace other = place;
@@ -139,7 +139,7 @@ double roughness(const VectorPlace& place, const HandledFrames& frames) {
 std::vector<std::size_t> distinct_vectors(const std::vector<VectorPlace>& all, const HandledFrames& frames) {
   std::vector<std::size_t> order(all.size()), kept;
   std::iota(order.begin(), order.end(), std::size_t{0});
-  // Floats first, then signed numbers; narrow ones before wide ones.
+  // Floats come first, then signed numbers; narrow numbers come before wide numbers.
   const auto key = [&all](std::size_t i) {
     const FrameNumber& type = all[i].first.type;
     return std::tuple(!type.is_float(), type.format == FrameNumber::Format::unsigned_integer, type.bytes);
