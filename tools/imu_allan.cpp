@@ -72,7 +72,8 @@ int analyse(Options& options, const OutputOptions& outputs, bool& running) {
   report.port = options.input.source.port;
   report.confidence = options.confidence;
   report.tolerance = options.tolerance_percent / 100;
-  // A wrong name is found before the recording, not after its hour; the terms at the recording's rate come later.
+  // The name of the model is checked here, so that a wrong name is reported before a long recording. The terms are
+  // computed later, at the recording's rate.
   if (!options.against.empty()) report.against = model_terms(options.against, 0);
   const AllanKind kind = kind_named(options.kind);
   for (const std::string& limits : options.limits)

@@ -14,8 +14,8 @@ constexpr std::size_t shortest_line = 8;  // points; a fit through fewer is mean
 // A narrower counter overflows so often that a step of half its range does not indicate a restart.
 constexpr std::uint64_t wide_counter = 0xFFFF;
 
-// The largest relative difference of two clocks' rates at which missing samples are still counted correctly, and not
-// taken for a jump.
+// The largest relative difference of two clocks' rates at which missing samples are still counted correctly and
+// are not mistaken for a jump.
 constexpr double clock_tolerance = 1e-3;
 
 // Returns the upper median of at least one number.
@@ -130,7 +130,8 @@ void StreamStatistics::evaluate(Entry& entry, const Entry& before, double period
   const bool has_counter = carried(Measurement::counter, entry, before);
   const bool has_time = carried(Measurement::time, entry, before);
   const double step_ns = has_time ? static_cast<double>(entry.time_ns - before.time_ns) : 0;
-  // Nearly every sample is the next one, a period later: the rest of the function would find the same.
+  // A shortcut for the usual case, the next sample a period later: the rest of the function would give the same
+  // result.
   if (has_counter && has_time && period_ns > 0 && counter_step_ == 1 &&
       ((entry.counter - before.counter) & counter_mask_) == 1 && std::abs(step_ns - period_ns) < 0.5 * period_ns) {
     can_detect_gaps_ = true;

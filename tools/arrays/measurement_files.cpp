@@ -94,7 +94,7 @@ std::string imu_name(const MeasurementFiles::Options& options, const std::string
   return PortSpec::parse(port).text("interface").value_or("imu");
 }
 
-// Returns the text with U+FFFD in place of bytes that are no UTF-8, as in a path.
+// Returns the text with U+FFFD in place of bytes that are no valid UTF-8, which a path may contain.
 std::string valid_utf8(const std::string& text) {
   using nlohmann::json;
   return json::parse(json(text).dump(-1, ' ', false, json::error_handler_t::replace)).get<std::string>();

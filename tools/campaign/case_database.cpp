@@ -47,7 +47,7 @@ class SqliteTable final : public CaseTable {
       create += fmt::format("{}{}{}", create.empty() ? "" : ", ", sql_name(column.name), type_of(column));
       values += values.empty() ? "?" : ", ?";
     }
-    // A file that is not whole is never used: it needs no journal.
+    // An incomplete file is never used; therefore the database needs no journal.
     execute("PRAGMA journal_mode = OFF; PRAGMA synchronous = OFF; PRAGMA locking_mode = EXCLUSIVE; BEGIN");
     execute("CREATE TABLE cases (" + create + ")");
     sqlite3_stmt* insert = nullptr;
@@ -80,7 +80,7 @@ class SqliteTable final : public CaseTable {
   void execute(const std::string& sql) const {
     check(sqlite3_exec(database_.get(), sql.c_str(), nullptr, nullptr, nullptr));
   }
-  // The row stays as it is until the step is done.
+  // The row does not change until the step is done.
   void bind(int place, const CaseCell& cell) const {
     sqlite3_stmt* const insert = insert_.get();
     switch (cell.kind) {

@@ -9,8 +9,8 @@ namespace imud {
 
 namespace {
 
-// SQLite's own limit (SQLITE_MAX_COLUMN). A plan has a hundred columns; more are a metric with a new name in each
-// run.
+// SQLite's own limit (SQLITE_MAX_COLUMN). A plan has a hundred columns; if there are far more, a metric has a new
+// name in each run.
 constexpr std::size_t most_columns = 2000;
 
 }  // namespace
@@ -52,7 +52,7 @@ CaseRow::CaseRow() {
 }
 
 CaseCell& CaseRow::cell(CaseGroup group, std::string_view key) {
-  // The members of most rows have the order of the row before.
+  // The members of most rows have the same order as in the previous row.
   std::size_t column = *expected_;
   if (column >= columns_.size() || columns_[column].group != group || columns_[column].key != key)
     column = *expected_ = find(group, key);
@@ -83,7 +83,7 @@ bool CaseRow::has_failed() const noexcept {
   return false;
 }
 
-// The events of nlohmann's parser, as cells. No tree is made of the row.
+// Converts the events of nlohmann's parser to cells, without making a tree of the row.
 class CaseRow::Reader {
  public:
   explicit Reader(CaseRow& row) : row_(row) {}

@@ -10,7 +10,7 @@
 namespace imud {
 namespace {
 
-// Returns random bits for a case. The cases of a plan have an order, by which they must not be chosen.
+// Returns random bits for a case, because the choice of cases must not depend on their order in the plan.
 std::uint64_t scattered(std::uint64_t index) noexcept { return r123::Philox2x64()({{index, 0}}, {{0}})[0]; }
 
 }  // namespace

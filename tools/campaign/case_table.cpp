@@ -26,10 +26,10 @@ std::string lower_case(std::string text) {
   return text;
 }
 
-// A table of text, of which a class makes the lines.
+// A table in the form of text, whose lines a class makes.
 class TextTable : public CaseTable {
  public:
-  // How cells without a number are written.
+  // The form in which cells without a number are written.
   struct Words {
     std::string_view empty, no, yes;
     void (*add_text)(std::string& line, std::string_view text);
@@ -84,7 +84,7 @@ class TextTable : public CaseTable {
   std::string line_;
 
  private:
-  // That a reader has closed its end is no error.
+  // A closed pipe is no error.
   void check() const {
     if (const int error = output_->error(); error != 0 && error != EPIPE)
       throw std::runtime_error(path_ + ": " + std::strerror(error));

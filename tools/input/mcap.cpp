@@ -32,7 +32,7 @@ bool read_ros_imu(std::string_view bytes, Measurement& out) {
   return fields.is_good();
 }
 
-// Reads the JSON of imu-decode --mcap. Returns false if it is none.
+// Reads the JSON of imu-decode --mcap. Returns false if the text is no such JSON.
 bool read_imud_json(std::string_view text, std::uint64_t log_time, Measurement& out) {
   const auto object = nlohmann::json::parse(text, nullptr, false);
   if (!object.is_object()) return false;

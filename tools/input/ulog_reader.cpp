@@ -84,7 +84,8 @@ void UlogReader::read_message(char type, std::string_view body) {
   }
 }
 
-// Reads "name:type[3] field;type field;". A type may be another format's, defined before or after it.
+// Parses "name:type[3] field;type field;". A type may be the name of another format, which is defined before or
+// after this format.
 void UlogReader::define(std::string_view text) {
   const std::size_t colon = text.find(':');
   if (colon == std::string_view::npos) return count_malformed();
@@ -102,7 +103,8 @@ void UlogReader::define(std::string_view text) {
   }
 }
 
-// Computes where the fields are. Returns the format's size; 0 if it, or one in it, is unknown.
+// Computes where the fields are. Returns the format's size, bytes; 0 if the format or a format nested in it is
+// unknown.
 std::size_t UlogReader::lay_out(const std::string& name, int depth) {
   const auto found = formats_.find(name);
   if (found == formats_.end() || depth > 8) return 0;

@@ -97,7 +97,7 @@ std::vector<SolutionRow> EmulatedRun::true_solution() {
 std::vector<SolutionRow> EmulatedRun::solutions(const Config& config) {
   Config with_rows = config;
   with_rows.imus.front() = with_solution_rows(config.imus.front());
-  // The rows are no bytes of the unit: the faults of these do not act on them.
+  // The rows are not bytes of the unit; therefore faults of the unit's bytes do not act on the rows.
   std::erase_if(with_rows.faults, [](const FaultConfig& fault) {
     return fault.kind->seam != FaultSeam::truth && fault.kind->seam != FaultSeam::sensor;
   });

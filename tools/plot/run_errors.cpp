@@ -95,7 +95,7 @@ RunErrors compare_runs(const StillRecording& measured, const StillRecording& tru
     channel.sigma = smoothed(channel.sigma, half);
     for (double& sigma : channel.sigma) sigma = std::sqrt(std::max(0.0, sigma / static_cast<double>(count - 1)));
     channel.density = root_density(channel.error, result.rate_hz);
-    // The mean of each segment is taken off: nothing is left at frequency 0.
+    // The mean of each segment is subtracted; therefore the density at frequency 0 is 0.
     channel.density.erase(channel.density.begin());
   }
   const std::size_t frequencies = result.channels.front().density.size();

@@ -42,7 +42,8 @@ struct Range {
     low = std::min(low, value);
     high = std::max(high, value);
   }
-  // gnuplot chooses the range of y, unless the values are one but for rounding, for which it warns.
+  // gnuplot chooses the range of y, unless all values are equal except for rounding; gnuplot would warn about such
+  // values.
   std::string command(double factor) const {
     constexpr double rounding = 1e-6;
     if (high - low > rounding * std::max(std::abs(low), std::abs(high))) return "set yrange [*:*]\n";

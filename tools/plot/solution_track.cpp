@@ -86,7 +86,7 @@ SolutionTrack compare_solutions(std::span<const SolutionRow> rows, std::span<con
     const auto sigma = [&](std::size_t first) {
       return Vector3(row.sigma[first], row.sigma[first + 1], row.sigma[first + 2]);
     };
-    // While the unit aligns, its attitude may be anything, as far as it reports.
+    // While the unit reports that it aligns, its attitude is arbitrary.
     constexpr double anything = 3.0;  // rad
     const bool has_attitude = row.sigma[0] < anything;
     const Vector3 turned = log(q * true_q.conjugate()) / units::degree;

@@ -99,7 +99,7 @@ void CapturedTruths::derive(Truth& truth) {
   if (derivation_->fit.outliers().count != outliers) ++refused_["outlier"];
 }
 
-// Takes a truth from the fit. Returns false if it has to wait.
+// Takes a truth from the fit. Returns false if the fit needs further truths first.
 bool CapturedTruths::take_derived(Truth& truth) {
   while (derivation_ != nullptr && derivation_->fit.next(truth)) {
     if (is_finite(truth) && is_in_range(truth)) return true;

@@ -11,7 +11,7 @@
 namespace imud {
 namespace {
 
-// Sleeps until an absolute instant, so that no delay adds up; returns early if stop_requested().
+// Sleeps until an absolute instant, so that delays do not add up. Returns early if stop_requested().
 void sleep_until(HostTime time) noexcept {
   timespec instant{};
   instant.tv_sec = time.ns / 1'000'000'000;

@@ -43,7 +43,7 @@ class McapTruth final : public McapReader {
                          pose_schema, topic_.empty() ? "" : fmt::format(" with the topic {}", topic_),
                          topics_.empty() ? "none" : fmt::format("{}", fmt::join(topics_, ", ")),
                          out_.damage.empty() ? "" : fmt::format(" ({})", out_.damage)));
-    // Many a source of odometry leaves the twist at zero.
+    // Many sources of odometry leave the twist at zero.
     bool has_twist = false;
     for (const LoggedStates::State& state : out_.states)
       has_twist = has_twist || !state.v_BN_N.isZero(0) || !state.rate_B.isZero(0);

@@ -34,7 +34,7 @@ namespace {
 
 constexpr std::int64_t longest_position_gap_ns = 1'000'000'000;
 
-// Vectors at times, in the order of time once sort() was called.
+// Vectors with their times, in the order of time after sort().
 class TimedVectors {
  public:
   struct Entry {
@@ -44,7 +44,7 @@ class TimedVectors {
   void add(const Entry& entry) { entries_.push_back(entry); }
   bool is_empty() const noexcept { return entries_.empty(); }
 
-  // Sorts by time. The first of several with the same time stays.
+  // Sorts by time. Keeps only the first of several vectors with the same time.
   void sort() {
     std::ranges::stable_sort(entries_, {}, &Entry::time_ns);
     const auto first = std::unique(entries_.begin(), entries_.end(),
@@ -70,7 +70,8 @@ class TimedVectors {
     entries_[0].slope = 2 * secant(0) - entries_[1].slope;
     entries_[last].slope = 2 * secant(last - 1) - entries_[last - 1].slope;
   }
-  // Returns the value at a time; nullopt outside the times, and in a gap. Successive times must not decrease.
+  // Returns the value at a time; nullopt outside the range of times, and in a gap. Requires that the times of
+  // successive calls do not decrease.
   std::optional<Vector3> at(std::int64_t time_ns) {
     while (at_ + 1 < entries_.size() && entries_[at_ + 1].time_ns <= time_ns) ++at_;
     if (entries_.empty() || time_ns < entries_[at_].time_ns) return std::nullopt;

@@ -1,4 +1,4 @@
-// The library that tools/with-vcan preloads into linux.uml. It takes the place of the C library's ptrace().
+// The library that tools/with-vcan preloads into linux.uml. The library replaces the C library's ptrace().
 #include <cpuid.h>
 #include <dlfcn.h>
 
