@@ -27,7 +27,7 @@ class FieldCsv {
  private:
   struct Kind {
     std::string name;                               // as CSV
-    std::size_t fields = 0, before = 0, after = 0;  // its columns, and the other messages' before and after them
+    std::size_t fields = 0, before = 0, after = 0;  // its columns, and other messages' columns around them
     std::uint64_t rows = 0;
   };
 

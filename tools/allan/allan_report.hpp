@@ -47,7 +47,7 @@ struct AllanReport {
   std::vector<Axis> axes;  // with the same averaging times
   std::vector<Requirement> required;
   std::optional<ModelTerms> against;
-  double tolerance = 0;  // of the comparison with that model; 1: 100 %
+  double tolerance = 0;  // relative, of the comparison with `against`; 1: 100 %
 
   // Returns the value of a figure that `--require` may limit: "gyro_x.N" in SI,
   // "gyro_x.angle_random_walk_deg_per_rt_hr", or for the largest of the three axes "gyro.N". The value of a term

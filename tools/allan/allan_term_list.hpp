@@ -25,7 +25,7 @@ inline constexpr std::size_t allan_term_count = allan_term_list.size();
 struct AveragingTime {
   std::size_t factor = 1;    // in samples
   double tau_s = 0;          // in s
-  double record_length = 0;  // of the recording, in s; only the total deviation depends on it
+  double record_length = 0;  // of the recording, s; affects only the total deviation
 };
 
 // Returns the variance that each term with a coefficient of 1 contributes to the expected square of the deviation, in

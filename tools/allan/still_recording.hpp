@@ -76,7 +76,7 @@ class StillRecorder final : public MeasurementReceiver {
   const std::uint64_t wanted_;
   StreamStatistics statistics_;
   std::optional<HostTime> arrival_;
-  std::uint32_t fields_ = 0;  // that are recorded; 0 before the first sample
+  std::uint32_t fields_ = 0;  // recorded fields; 0 before the first sample
   std::uint64_t taken_ = 0, measurements_ = 0;
   std::optional<double> nominal_rate_hz_;
   StillRecording recording_;

@@ -260,7 +260,7 @@ class McapWriter final : public RowOutput {
   TextOutput file_;
   RowClock clock_;
   std::uint64_t position_ = 0;  // in the file
-  std::uint32_t crc_ = 0;       // of all before it; the summary's, from its begin
+  std::uint32_t crc_ = 0;       // of all bytes before it; in the summary, from its beginning
 
   std::string schema_, channel_;  // records
   std::string chunk_, message_, index_entries_;

@@ -22,7 +22,7 @@ class MeasurementFiles {
     std::string config;              // path of imud's configuration, for the attributes of files; empty: none
     std::optional<double> rate_hz;   // of measurements without time, for files that need one
     std::vector<std::string> truth;  // record, or configuration and capture; empty: no truth beside the measurements
-    std::string imu;                 // of that configuration; empty: the first with the protocol
+    std::string imu;                 // imu of the configuration; empty: the first with the protocol
   };
   // `options` must not be moved until the command line has been parsed.
   static void add_options(CLI::App& app, Options& options);

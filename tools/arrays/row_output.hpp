@@ -31,7 +31,7 @@ class RowOutput {
 struct RowAttributes {
   std::vector<std::pair<std::string, std::string>> texts;  // by name; UTF-8
   std::optional<std::uint64_t> seed;
-  std::string imu = "imu";             // its name; UTF-8
+  std::string imu = "imu";             // the name of the imu; UTF-8
   std::optional<double> rate_hz = {};  // of measurements without time
 };
 

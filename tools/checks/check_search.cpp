@@ -12,7 +12,7 @@ namespace imud {
 namespace {
 
 constexpr std::size_t most_windows = 128;
-constexpr std::size_t most_pairs = 3;     // that candidates are sought in; damaged frames have none
+constexpr std::size_t most_pairs = 3;     // in which candidates are sought; damaged frames have none
 constexpr std::size_t most_starts = 160;  // of ranges
 constexpr std::size_t most_candidates = 100'000;
 // Shares of frames that agree, or of bytes that are the same: the rest is damage.

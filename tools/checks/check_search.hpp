@@ -36,7 +36,7 @@ struct FoundCheck {
   std::size_t agreeing = 0, compared = 0;  // frames
   double chance_log2 = 0;                  // of a match by chance, given all that was tried
   std::size_t deciding = 0;                // distinct frames from which on such a chance is below 1 in 1000
-  double share = 0;                        // of the varying bytes of a frame that the ranges have
+  double share = 0;                        // share of the varying bytes of a frame that are in the ranges
 
   // Returns true if the check covers the whole frame and is no accidental relation of data: a sum has no constant
   // that fits.
@@ -57,7 +57,7 @@ class CheckSearch {
   // `first_end` bytes of the window.
   enum class Place : std::uint8_t {
     behind_range,  // the check follows its range
-    before_range,  // the check stands before its range, or in it near its beginning
+    before_range,  // the check stands before its range, or near the beginning of the range
   };
   std::vector<FoundCheck> find(Place place, std::size_t first_end) const;
   // Searches CRCs of 8 to 32 bits with a polynomial that is in no catalogue, that cover all other bytes of a frame

@@ -15,7 +15,7 @@ struct DescriptionText {
   std::string source;                      // of the capture, for people
   double rate_hz = 0;                      // of the messages that are sent most often; 0: not known
   std::vector<std::string> remarks = {};   // lines for people
-  FrameEscape escape = FrameEscape::none;  // that was removed from the stream
+  FrameEscape escape = FrameEscape::none;  // the escape that was removed from the stream
 };
 
 // Returns the description, with a test frame for each message. Bytes whose meaning is not known are `_:N`.

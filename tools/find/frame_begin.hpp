@@ -23,7 +23,7 @@ struct Trial {
   FrameSplit split;
   std::size_t before = 0;
   std::vector<CheckSearch> searches;            // of each kind
-  std::vector<std::vector<FoundCheck>> checks;  // of each kind, in its windows
+  std::vector<std::vector<FoundCheck>> checks;  // of each kind, by places in its windows
   std::size_t begin = 0;                        // of the frames, in the windows
   std::vector<std::ptrdiff_t> other_begins;     // as good, or nearly: bytes later
   double checked = 0;                           // the share of the frames' bytes with a check of all

@@ -14,7 +14,7 @@ namespace {
 
 using Stream = std::span<const std::byte>;
 
-constexpr std::size_t most_frames = 200'000;  // of a message, that are looked at
+constexpr std::size_t most_frames = 200'000;  // frames of a message that are examined
 constexpr std::size_t nearest_begin = 16;     // bytes before an anchor, with frames of several lengths
 
 // Windows of `before` bytes and a frame, of the places that have them.

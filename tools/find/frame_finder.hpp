@@ -31,7 +31,7 @@ struct FoundCounter {
   bool is_float = false;
   double step = 1;            // of its units, from frame to frame
   std::uint64_t modulus = 0;  // at which it begins again, if below the type's range; 0: none
-  double share = 0;           // of the frames that are that much later
+  double share = 0;           // share of the steps that have this size
   std::uint64_t highest = 0;  // value, of an integer
   bool is_counter() const noexcept { return !is_float && step == 1; }
 };
@@ -52,18 +52,18 @@ struct FoundMessage {
   std::vector<FrameSplit::Place> frames;  // their first bytes
   std::vector<std::byte> usual;           // of each byte, the most frequent value
   std::vector<bool> constant;             // of each byte
-  std::size_t header = 0;                 // constant bytes at the beginning, by which a decoder finds it
+  std::size_t header = 0;                 // constant bytes at the beginning, by which a decoder finds a frame
   std::vector<FoundCheck> checks;         // by their places
   std::optional<FoundLength> length_field;
   std::vector<FoundCounter> counters;  // by their places
   std::vector<FoundField> fields;      // by find_fields
-  std::vector<std::string> notes;      // the evidence for them, and for what may be others: lines for people
+  std::vector<std::string> notes;      // lines for people: the evidence for these, and possible others
 };
 
 struct FoundFrames {
   std::vector<FoundMessage> messages;
   double coverage = 0;      // the share of the bytes that are in frames
-  bool is_checked = false;  // each message has a check of nearly all that varies
+  bool is_checked = false;  // each message has a check that covers nearly all varying bytes
   // The frames could also begin so many bytes later (if negative, earlier): the stream has little evidence for
   // either.
   std::vector<std::ptrdiff_t> other_begins;

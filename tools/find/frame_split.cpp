@@ -16,9 +16,9 @@ using Stream = std::span<const std::byte>;
 
 constexpr std::size_t searched = 64 * 1024;  // bytes, for lengths
 constexpr std::size_t most_lengths = 64;
-constexpr std::size_t seldom = 50;  // fewer frames than this share of the most frequent ones are a chance
+constexpr std::size_t seldom = 50;  // fewer frames than this share of the most frequent ones occur by chance
 constexpr std::size_t most_splits = 24;
-constexpr std::size_t most_rules = 4;  // of the same lengths, that are compared on the whole stream
+constexpr std::size_t most_rules = 4;  // rules of the same lengths that are compared on the whole stream
 // The share of the anchors of a length that another anchor follows; below 1, because frames may be damaged.
 constexpr double regular = 0.8;
 constexpr double least_coverage = 0.6;

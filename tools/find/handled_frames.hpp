@@ -17,7 +17,7 @@ namespace imud {
 
 // A number in the frames of a message. An unsigned number is read less the middle of its range (offset binary).
 struct NumberPlace {
-  std::size_t message = 0;  // its index
+  std::size_t message = 0;  // index of the message
   std::size_t at = 0;       // byte
   FrameNumber type = {};
   auto operator<=>(const NumberPlace& other) const noexcept {
@@ -65,7 +65,7 @@ class HandledFrames {
  private:
   using Frames = std::vector<std::span<const std::byte>>;
   struct Part {
-    std::vector<Frames> frames;                     // whole ones, of each message
+    std::vector<Frames> frames;                     // whole frames, of each message
     std::vector<std::vector<std::size_t>> nearest;  // of each message, by frames of the most frequent one
     std::size_t block = 1;                          // frames
     std::vector<double> time;

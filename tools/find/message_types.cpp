@@ -112,7 +112,7 @@ std::vector<std::vector<FrameSplit::Place>> divide_by_type(Places frames, std::s
   std::map<unsigned, std::size_t> index;
   for (const FrameSplit::Place& frame : frames) {
     const unsigned type = value_at(stream, frame, best_at);
-    if (!std::ranges::binary_search(types, type)) continue;  // it is damaged
+    if (!std::ranges::binary_search(types, type)) continue;  // the frame is damaged
     const auto [known, is_new] = index.try_emplace(type, groups.size());
     if (is_new) groups.emplace_back();
     groups[known->second].push_back(frame);

@@ -40,7 +40,7 @@ std::optional<std::array<std::size_t, 3>> axes_along(const GravityFit& one, cons
 struct TurnFound {
   std::array<std::size_t, 3> axis = {};  // of the specific force, of each component
   std::array<double, 3> scale = {};      // rad per unit and unit of time; its sign is the component's
-  std::array<double, 3> sigma = {};      // of it
+  std::array<double, 3> sigma = {};      // of `scale`
   std::array<bool, 3> is_observed = {};  // the scale is known within a tenth
   double common = 0;                     // the magnitude of the scale of all components
   double common_sigma = 0;

@@ -30,7 +30,7 @@ struct VectorScale {
   std::vector<UsualScale> others;  // as good
   double measured = 0;             // SI of the LSB
   double tolerance = 0;            // relative
-  double by_chance = 0;            // the number of usual figures that are as near by chance, on average
+  double by_chance = 0;            // mean number of usual figures that are equally near by chance
 };
 
 // Returns the scale of numbers whose LSB is `si` within a relative tolerance. Floats have whole units; integers

@@ -13,7 +13,7 @@ namespace imud {
 
 struct Dwell {
   double begin_s = 0, end_s = 0;  // after the first sample of the recording
-  std::optional<Vector3> rate;    // rad/s, in the axes of the fixture, with the Earth's; nullopt: it is not known
+  std::optional<Vector3> rate;    // rad/s, in the axes of the fixture, with the Earth's rate; nullopt: not known
   std::optional<Vector3> force;   // m/s^2, the specific force in these axes: at rest it points up
   std::optional<double> temperature_c;
 };

@@ -36,11 +36,11 @@ inline constexpr std::size_t fit_terms = 9;
 
 struct AxisFit {
   struct Parameter {
-    double value = 0;             // in SI; of an unobservable one the nominal value
+    double value = 0;             // in SI; the nominal value if it is unobservable
     std::optional<double> sigma;  // nullopt: the dwells do not determine the term
   };
   std::array<Parameter, fit_terms> parameters;
-  std::size_t wanted = 0, rank = 0;  // the number of terms that the dwells vary, and of independent ones
+  std::size_t wanted = 0, rank = 0;  // the numbers of terms that the dwells vary, and of independent terms
   double condition = 0;              // of the fitted terms, each scaled to length 1; 0: none was fitted
   double chi_square = 0;             // of the residuals
   std::size_t degrees = 0;           // of freedom

@@ -130,7 +130,7 @@ class UlogDecoder final : public Decoder, private UlogReader {
 
   struct Values {
     const UlogSource* source;
-    std::array<std::pair<const UlogFormat::Field*, std::size_t>, 3> axes;  // a field, and which of its elements
+    std::array<std::pair<const UlogFormat::Field*, std::size_t>, 3> axes;  // a field, and the index of its element
   };
   struct Chosen {
     std::uint16_t number;

@@ -47,8 +47,8 @@ class EmulatedRun {
 
   Options options_;
   Replay replay_;
-  Config config_;            // with that imu alone
-  double frames_per_s_ = 0;  // that the settings of the device ask for
+  Config config_;            // with the selected imu alone
+  double frames_per_s_ = 0;  // selected by the settings of the device
   bool has_run_ = false;
 };
 

@@ -20,7 +20,7 @@ namespace imud {
 class CapturedTruths {
  public:
   struct Options {
-    std::string capture;                  // a file, or a port that ends; of a log, a file
+    std::string capture;                  // a file, or a port that ends; a log must be a file
     std::string format;                   // a truth format or a truth log (truth_logs.hpp)
     std::vector<std::string> settings;    // of the format, KEY=VALUE
     std::optional<std::uint32_t> stream;  // vehicle; nullopt: of the first truth

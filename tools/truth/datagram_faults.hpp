@@ -23,8 +23,8 @@ class DatagramFaults {
   struct Fate {
     bool drop = false;
     bool duplicate = false;
-    bool reorder = false;  // it is sent after the next one
-    bool corrupt = false;  // bit `bit` of it is flipped
+    bool reorder = false;  // the datagram is sent after the next datagram
+    bool corrupt = false;  // bit `bit` of the datagram is flipped
     std::size_t bit = 0;
     Nanoseconds delay{};
   };

@@ -27,7 +27,7 @@ struct LoggedStates {
   std::vector<State> states;
   TruthAssembly::Axes axes;
   bool has_velocity = false, has_rate = false;
-  std::uint64_t without_position = 0;  // attitudes that are left out, as the log has no position near their time
+  std::uint64_t without_position = 0;  // omitted attitudes: the log has no position near their time
   std::string note;                    // which of the log's topics was read
   std::string damage;                  // empty: none
 };
