@@ -152,7 +152,7 @@ class LogPort final : public Port {
   CanLogReader log_;
   std::vector<char> text_ = std::vector<char>(64 * 1024);
   std::size_t begin_ = 0, end_ = 0;  // bytes that were read, but not parsed yet
-  std::size_t scanned_ = 0;          // of it, bytes without a line feed
+  std::size_t scanned_ = 0;          // of these, bytes known to have no line feed
   std::uint64_t line_number_ = 0, malformed_ = 0, first_malformed_ = 0;
   std::array<char, 200> warning_;
   std::size_t warning_size_ = 0;

@@ -254,7 +254,7 @@ class PcapPort final : public Port {
   const PcapLibrary& pcap_;
   const std::uint16_t port_;  // 0: any
   const std::optional<Endpoint> admitted_;
-  std::array<OtherPort, 6> others_;             // the first that were found
+  std::array<OtherPort, 6> others_;             // the first ports that were found
   std::unique_ptr<CompressedFile> compressed_;  // nullptr: libpcap opens the file by itself
   std::unique_ptr<pcap_t, Close> capture_;      // closed before the file that it reads
   int link_type_ = 0;

@@ -221,7 +221,7 @@ struct WireTime {
   double bits = 0;             // on the wire, with framing; the maximum where the number depends on the data
   double average_bits = 0;     // the same with random data
   double own_bits = 0;         // the same with the frame's own data
-  double bit_rate = 0;         // bit/s, a CAN FD bus's nominal one; 0: not known
+  double bit_rate = 0;         // bit/s; of a CAN FD bus, the nominal bit rate; 0: not known
   double seconds = 0;          // 0: not known
   double average_seconds = 0;  // 0: not known
   double own_seconds = 0;      // 0: not known
@@ -240,12 +240,12 @@ struct Transport {
   bool carries_can = false;           // frames have an identifier; otherwise they are bytes
   bool carries_any = false;           // bytes or frames with an identifier, as recorded
   bool keeps_datagrams = false;       // one frame sent is one frame received; otherwise a stream of bytes
-  bool ends = false;                  // a listener reads something recorded, up to its end
+  bool ends = false;                  // a listener reads recorded data up to their end
   bool brings_truth = false;          // may be the port of the truth
   bool serves_device = true;          // Role::device is possible, beside Role::listener
   bool is_shared = false;             // several imus may have the same address: a bus, a receiver of datagrams
   bool has_path = false;              // the address is a path in the file system; - is a standard stream
-  bool makes_link = false;            // that path is a symbolic link that a device's port makes
+  bool makes_link = false;            // the path is a symbolic link, which a device's port makes
   bool reads_standard_input = false;  // as a listener at the address -
   bool has_private_copy = false;      // a port at another path serves to measure the duration of writes
   Uart uart = Uart::none;             // if there is one, the options `baud`, `parity` and `stop` set it

@@ -198,9 +198,9 @@ class SlcanPort final : public Port {
   const std::string opening_;
   const std::unique_ptr<Port> line_;
   std::uint64_t losses_ = 0;  // of the line, at the last call
-  bool is_open_ = false;      // the channel, as far as is known: the commands that open it were sent
+  bool is_open_ = false;      // the commands that open the channel were sent
   bool is_kept_ = false;      // the line has taken a text in part
-  std::size_t kept_ = 0;      // the frames of that text
+  std::size_t kept_ = 0;      // the number of frames in this text
   bool kept_is_reply_ = false;
   std::string_view chunk_;  // received, and not parsed yet; the line's
   HostTime arrival_;        // of the chunk

@@ -170,7 +170,7 @@ class UdpPort final : public Port {
   const std::optional<Endpoint> admitted_;
   FileDescriptor socket_;
   std::string chosen_port_;
-  SocketAddress peer_;  // a listener's: the sender of the last datagram, or the one that is named
+  SocketAddress peer_;  // of a listener: the last datagram's sender, or the one given
   std::vector<std::byte> buffer_;
 };
 

@@ -18,7 +18,7 @@ std::span<const ReferencePage> reference_pages() noexcept;
 
 struct KeyRow {
   std::vector<std::string> keys;  // with their tables: imu.gyro.bias_deg_per_s, fault.at_s
-  std::string protocol;           // a key of [imu.device]: the protocol that has it; empty: another key
+  std::string protocol;           // the protocol of a key of [imu.device]; empty for other keys
   std::vector<std::pair<std::string, std::string>> cells;  // title and text of the other columns, such as "default"
 };
 

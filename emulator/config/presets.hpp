@@ -62,7 +62,7 @@ enum class Decimation : std::uint8_t { sample, mean };
 struct PresetErrors {
   double internal_rate_hz = 0;  // 0: the sample rate
   Decimation decimation = Decimation::sample;
-  bool is_imu = true;  // it has gyros and accelerometers
+  bool is_imu = true;  // the sensor has gyros and accelerometers
   TriadErrors gyro, accelerometer;
   Sidedness gyro_density = Sidedness::none, accelerometer_density = Sidedness::none;
   std::optional<TriadErrors> magnetometer;

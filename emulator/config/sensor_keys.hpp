@@ -30,8 +30,8 @@ struct ErrorUnit {
 // The keys of one kind of sensor. A term has the units of IEEE Std 952 and 1293, and of data sheets.
 struct SensorKeys {
   std::initializer_list<ErrorUnit> value;        // of max, lsb and the bias terms
-  std::string_view white;                        // the name of its white noise's integral; empty: it has none
-  std::initializer_list<ErrorUnit> white_units;  // of that name
+  std::string_view white;                        // name of the integral of its white noise; empty: no key
+  std::initializer_list<ErrorUnit> white_units;  // units of the key `white`
   std::initializer_list<ErrorUnit> density;      // of noise_density
   std::string_view walk, ramp;                   // the names of its random walk and its ramp
   std::initializer_list<ErrorUnit> walk_units, ramp_units;

@@ -15,7 +15,7 @@ namespace imud {
 
 // A port of an imu that another port replaces.
 struct PortChange {
-  std::uint16_t imu = 0;  // its number
+  std::uint16_t imu = 0;  // number of the imu
   std::string what;       // "port" or "second port"
   std::string before, after;
 };

@@ -25,7 +25,7 @@ namespace imud {
 // show the token first. Runs in the io_context's thread.
 class ControlServer {
  public:
-  static constexpr std::size_t most_clients = 128;  // further ones are refused
+  static constexpr std::size_t most_clients = 128;  // further clients are refused
 
   // Opens the configured socket and port. `name`: the instance's name. Throws OpenError, but omits the socket "auto"
   // if there is no place for it.

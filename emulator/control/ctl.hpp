@@ -12,8 +12,8 @@ namespace imud {
 
 struct CtlOptions {
   std::string socket;                   // a path; empty: the socket of `name`
-  std::string name;                     // of the instance; empty: the only one that runs
-  std::string to;                       // ADDRESS:PORT of its TCP port; empty: a socket
+  std::string name;                     // of the instance; empty: the only running instance
+  std::string to;                       // ADDRESS:PORT of the instance's TCP port; empty: a socket
   std::string token_file;               // for `to`
   std::string method;                   // empty: the instances that run are listed
   std::vector<std::string> parameters;  // KEY=VALUE, the value as JSON, or a text

@@ -28,8 +28,8 @@ class LeavingPorts {
   struct Leaving {
     Reload::Line line;
     Channel* channel;
-    PortCounters before;  // when it was replaced
-    HostTime last;        // when it is closed at the latest
+    PortCounters before;  // counters when the port was replaced
+    HostTime last;        // when the port is closed at the latest
   };
   static bool has_left(Leaving& leaving) noexcept;
   static void close(Leaving& leaving);

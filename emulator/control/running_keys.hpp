@@ -18,8 +18,8 @@ struct RunningKey {
     number,   // from min to max
     integer,  // unsigned, 64 bits
     vector,   // three numbers from min to max, or one for all axes
-    word,     // one of `words`, whose place is Command::number
-    list,     // one to `most` whole numbers from min to max, a command for each, whose place is Command::number
+    word,     // one of `words`; Command::number is its index
+    list,     // one to `most` integers from min to max, a command for each; Command::number is its index
   };
   std::string_view key;  // an imu's key is without "imu.NAME."
   std::string_view meaning;

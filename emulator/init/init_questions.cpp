@@ -22,7 +22,7 @@ namespace {
 
 struct Answer {
   std::string value;
-  std::string words;  // beside it in the list
+  std::string words;  // words beside the answer in the list
 };
 
 // Prints a question with numbered answers. Returns the answer of the entered number, or the entered text, or

@@ -239,7 +239,7 @@ void Monitor::report_delay() {
 // Logs the errors once when they are noticeable, and at the end.
 void Monitor::report_extrapolation(bool at_end) {
   const auto& error = counters_.quality->extrapolation_error;
-  constexpr std::uint64_t enough = 1000;  // samples, so that the first figures are not the least ones
+  constexpr std::uint64_t enough = 1000;  // samples, so that the first reported figures are not unusually small
   if (!is_noticeable(error.rate_rad_per_s, error.specific_force_m_per_s2) ||
       (!at_end && (extrapolation_reported_ || error.samples < enough)))
     return;

@@ -24,7 +24,7 @@ class Monitor {
     double log_every_s = 10;   // interval of the line of figures; 0: none
     std::string quality_file;  // a line of JSON a second; - is standard output; empty: none
     double first_truth_s = 1;  // the log states the sensors' output if no truth has come for so long from the start
-    double wrong_speed_s = 2;  // a client's speed that is not the line's is reported if it lasts for so long
+    double wrong_speed_s = 2;  // a client's wrong speed is reported if it lasts for so long
   };
   // `counters` has the imus of `config` in the same order. The counters and `config` must outlive this. Throws
   // std::runtime_error if the file cannot be written.

@@ -28,7 +28,7 @@ struct Outcome {
   // A limit that was required, and the figure that it is about.
   struct Required {
     Requirement requirement;
-    std::optional<std::uint64_t> seen;  // nullopt: it is not known, and the limit does not hold
+    std::optional<std::uint64_t> seen;  // nullopt: the figure is not known, and the limit does not hold
     bool holds = false;
     // Returns "301", or "not known".
     std::string seen_text() const;

@@ -32,7 +32,7 @@ struct Summary {
     Snapshot<TruthQuality> quality;
     // The greatest errors that extrapolation has caused in the whole run, TruthQuality::extrapolation_error.
     struct ExtrapolationError {
-      std::uint64_t samples = 0;  // that were compared with later truth
+      std::uint64_t samples = 0;  // samples that were compared with later truth
       double ahead_s = 0, rate_rad_per_s = 0, specific_force_m_per_s2 = 0;
     };
     ExtrapolationError extrapolation_error;
@@ -58,7 +58,7 @@ struct Summary {
   };
   std::vector<Imu> imus;
   bool has_record = false;          // the run is recorded
-  Snapshot<RecordCounters> record;  // its figures
+  Snapshot<RecordCounters> record;  // the figures of the record
   bool has_control = false;         // the run can be controlled
   Snapshot<ControlCounters> control;
   std::optional<ClockFigures> clock;  // nullopt: the grids have no epoch

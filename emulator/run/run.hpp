@@ -17,7 +17,7 @@ struct RunOptions {
     std::string option, path;
   };
   std::string config_file;           // its name on the command line, for clients; - is standard input
-  std::vector<Output> outputs;       // all of them, which must differ from one another and from the inputs
+  std::vector<Output> outputs;       // all outputs; they must differ from one another and from the inputs
   std::optional<double> duration_s;  // host time; simulation time if the truth is a capture
   std::string summary_file;          // for the summary as JSON; - is standard output; empty: none
   std::string labels_file;           // for the labels of faults; - and empty as above

@@ -82,9 +82,9 @@ class SeedArrays {
     std::unique_ptr<ArrayFile> measured, truth;
     std::uint64_t rows = 0;
     bool varies = false;           // the truth at its samples depends on the seed
-    bool wanders = false;          // its instants depend on the seed
-    bool is_faulty = false;        // it may lack measurements
-    std::vector<TrueRow> samples;  // the truth at each sample, if it varies
+    bool wanders = false;          // the instants of its samples depend on the seed
+    bool is_faulty = false;        // the imu may lack measurements
+    std::vector<TrueRow> samples;  // the truth at each sample, if `varies`
   };
   void make_room(const Config& config, const Seeds& seeds, const Run& run);
 

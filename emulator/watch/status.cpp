@@ -68,7 +68,7 @@ std::string text(const Found& found) {
       name, run.value("pid", 0), run.value("started", std::string("?")),
       run_time_text(counters.value("duration_s", 0.0)), run.value("clock", std::string("?")),
       run.value("version", std::string("?")), run.value("config", std::string("?")),
-      control - std::min<std::uint64_t>(control, 1), web);  // without this one
+      control - std::min<std::uint64_t>(control, 1), web);  // without the connection of this command
   out += fmt::format("  {}\n", truth_line(counters));
   for (const std::string& line : imu_lines(run, counters)) out += fmt::format("  {}\n", line);
   if (const std::string line = clock_line(counters); !line.empty()) out += fmt::format("  {}\n", line);

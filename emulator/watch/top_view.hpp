@@ -35,7 +35,7 @@ class TopView {
   Json status_ = Json::object(), interval_ = Json::object(), configured_ = Json::array();
   std::optional<HostTime> heard_;     // when the run has sent something last
   std::deque<std::string> events_;    // the newest ones
-  std::optional<std::string> words_;  // of the fault that is entered; nullopt: none is
+  std::optional<std::string> words_;  // of the fault that the user enters; nullopt: none
   std::string message_;               // of the last request
   bool quits_ = false;
 };

@@ -73,7 +73,7 @@ class Stuffing {
 
   Chances chances_ = {{{0, 1, 0, 0, 0}, {}}};  // after the start of frame, which is dominant (0)
   double expected_ = 0;
-  unsigned crc_ = 0;  // of the bits so far, without the start of frame, which does not change it
+  unsigned crc_ = 0;  // of the bits so far; the start of frame does not change the CRC
 };
 
 // All bits from the identifier to the one before the data length code, or to the bit rate switch.

@@ -63,7 +63,7 @@ class CanLogReader {
 
   const std::optional<std::string> interface_;
   bool decimal_ = false;   // of an ASC log: identifiers and data
-  bool relative_ = false;  // of an ASC log: each time stamp counts from the one before
+  bool relative_ = false;  // of an ASC log: each time stamp is relative to the previous one
   Nanoseconds last_{0};    // the time of the line before
   Nanoseconds time_{0};
   CanHeader header_;

@@ -26,7 +26,7 @@ void CanQueue::drop_first() noexcept {
 }
 
 std::size_t CanQueue::drop_stale(HostTime now) noexcept {
-  std::size_t begun = 0;  // frames at the front whose first one has left
+  std::size_t begun = 0;  // frames at the front that were queued together, and of which the first has left
   while (begun < count_ && !(*this)[begun].first) ++begun;
   std::size_t end = begun;  // end of the stale frames behind them; older frames precede newer frames
   while (end < count_ && (!(*this)[end].first || now - (*this)[end].since > max_age_)) ++end;

@@ -13,7 +13,7 @@ namespace imud {
 struct UdpPacket {
   enum class Outcome : std::uint8_t {
     whole,      // `payload` is the whole payload of the datagram; perhaps empty
-    truncated,  // a datagram for the port, or one that may be: a fragment, or cut short
+    truncated,  // a fragment or a cut datagram that is, or may be, for the port
     not_ours,   // anything else
   } outcome;
   std::span<const std::byte> payload;

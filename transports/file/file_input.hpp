@@ -39,7 +39,7 @@ class FileInput {
   FileDescriptor file_;
   bool is_regular_ = false;
   double size_ = 0;                             // bytes; of a regular file only
-  std::unique_ptr<CompressedFile> compressed_;  // nullptr: the file is read as it is
+  std::unique_ptr<CompressedFile> compressed_;  // nullptr: the file is not compressed
   bool at_end_ = false;
   std::string_view warning_;
 };
