@@ -12,7 +12,7 @@
 namespace imud {
 namespace {
 
-// By the device's time stamps if there are any, otherwise by the arrivals.
+// Returns the duration by the device's time stamps if there are any, otherwise by the arrivals, s.
 std::optional<double> duration_s(const StreamStatistics& statistics) {
   for (const auto* rate : {&statistics.device(), &statistics.arrival()})
     if (rate->steps > 0) return seconds(rate->time);

@@ -93,10 +93,11 @@ SocketAddress group_of(int bus) {
   return group;
 }
 
-// Sends from a socket of its own, by whose address it recognises its own frames: ArduPilot does so, too.
+// Sends from a separate socket. The address of this socket identifies the link's own frames when they are
+// received. ArduPilot does the same.
 class MulticastLink final : public CanLink {
  public:
-  // `interface`: the network interface; empty: the one to which the routes lead.
+  // `interface`: the network interface; empty: the interface to which the routes lead.
   MulticastLink(int bus, std::string interface) : group_(group_of(bus)), interface_(std::move(interface)) {}
 
   int bind() noexcept override {

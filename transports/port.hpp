@@ -86,8 +86,8 @@ struct PortCounters {
   }
 };
 
-// One end of a link. One thread at a time uses it. After opening it does not wait, allocate, throw or log, except in
-// commit().
+// One end of a link. One thread at a time may use a port. After opening, a port does not wait, allocate, throw or
+// log, except in commit().
 class Port {
  public:
   virtual ~Port() = default;
@@ -168,8 +168,9 @@ class Port {
   // Until the first call, and with more than 64 filters, every frame passes. The port's own frames are confirmed only
   // if they pass, too. May be called at any time; earlier frames are not filtered again.
   virtual void set_filters(std::span<const CanFilter>) noexcept {}
-  // One of the port's own frames, and when the interface sent it: the driver of a CAN controller confirms a frame
-  // when it was on the bus; for vcan, vxcan and slcan the kernel confirms a frame when the interface takes it.
+  // One of the port's own frames, and the time at which the interface sent the frame: the driver of a CAN
+  // controller confirms a frame when it was on the bus; for vcan, vxcan and slcan the kernel confirms a frame when
+  // the interface takes it.
   struct Confirmation {
     CanHeader can;
     HostTime time;

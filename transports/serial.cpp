@@ -175,7 +175,8 @@ class SerialPort final : public Port {
     const int flags = ::fcntl(fd, F_GETFL);
     if (flags < 0 || ::fcntl(fd, F_SETFL, flags | O_NONBLOCK) != 0) return false;
 
-    // With this flag the driver of an FTDI chip does not let it buffer bytes for 16 ms. Other drivers ignore it.
+    // With this flag the driver of an FTDI chip does not let the chip buffer bytes for 16 ms. Other drivers ignore
+    // the flag.
     serial_struct driver{};
     if (::ioctl(fd, TIOCGSERIAL, &driver) == 0) {
       driver.flags |= ASYNC_LOW_LATENCY;

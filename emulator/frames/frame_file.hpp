@@ -23,7 +23,7 @@ std::span<const ShippedFrames> shipped_frames() noexcept;
 // returned description is valid: every message can be compiled, and each test frame has its values. Throws
 // ConfigError with every fault.
 std::shared_ptr<const FrameDescription> read_frames(const std::string& name);
-// The same from the text of a file. `file` is for messages.
+// Reads the description from the text of a file. `file` is the name for messages.
 std::shared_ptr<const FrameDescription> frames_of_text(std::string_view text, const std::string& file);
 
 // Reads the description that a setting names (Setting::names_frames), and attaches it to `settings`; does nothing

@@ -150,7 +150,7 @@ class MatWriter final : public RowOutput {
   const std::string path_;
   const bool with_truth_;
   const RowAttributes attributes_;
-  // By column and axis: MATLAB keeps the values of an axis together.
+  // The values are ordered by column and axis, because MATLAB keeps the values of an axis together.
   std::vector<std::vector<std::vector<char>>> held_;
   std::size_t rows_ = 0;
   bool is_full_ = false;

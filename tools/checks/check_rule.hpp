@@ -62,7 +62,7 @@ bool agrees(const CheckRule& rule, std::span<const FrameCheck::Range> ranges, st
 
 // Returns the number in `size` bytes.
 std::uint64_t number_at(std::span<const std::byte> bytes, std::size_t at, std::size_t size, bool is_big) noexcept;
-// The same for a float of 4 or 8 bytes.
+// Returns the float in 4 or 8 bytes.
 double float_at(std::span<const std::byte> bytes, std::size_t at, std::size_t size, bool is_big) noexcept;
 
 }  // namespace imud

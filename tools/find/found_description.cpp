@@ -109,7 +109,7 @@ class MessageText {
   void add_value(const std::string& name, double value) {
     values_ += fmt::format("{}{} = {}", values_.empty() ? "" : ", ", name, value);
   }
-  // The same of a field: products of a few digits have a few digits.
+  // Adds the value of a field in the test frame. A product of numbers with few digits is written with few digits.
   void add_value(const FoundField& field) {
     const double value = (field.is_negative ? -1 : 1) * (field.lsb_value * value_in(frame_, field.at, field.type));
     constexpr std::size_t few_bytes = 4;

@@ -135,7 +135,7 @@ void choose_begin(Trial& trial, std::span<const std::byte> stream) {
   constexpr double nearly = 2;  // looks that do not decide
   const BeginRating rating(trial, stream);
   std::vector<Rating> all;
-  // With one length, the last one is the first one again.
+  // With frames of one length, the last beginning is equivalent to the first.
   for (std::size_t begin = 0; begin < trial.before + (trial.is_cyclic() ? 0 : 1); ++begin)
     all.push_back(rating.of(begin));
   const auto best = std::ranges::max_element(all, [](const Rating& a, const Rating& b) {

@@ -28,7 +28,7 @@ struct Trial {
   std::vector<std::ptrdiff_t> other_begins;     // as good, or nearly: bytes later
   double checked = 0;                           // the share of the frames' bytes with a check of all
 
-  // With frames of one length, a check that begins after the frame's end is in the frame before it, too.
+  // If all frames have one length, a check that begins after the end of a frame is also in the previous frame.
   bool is_cyclic() const { return split.kinds.size() == 1; }
 };
 

@@ -25,7 +25,7 @@ constexpr double least_coverage = 0.6;
 
 unsigned byte_at(Stream stream, std::size_t at) { return std::to_integer<unsigned>(stream[at]); }
 
-// One byte or two, in big-endian order.
+// One or two bytes, in big-endian order.
 struct Anchor {
   std::size_t size = 1;
   unsigned bytes = 0;

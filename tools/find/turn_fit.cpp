@@ -72,7 +72,8 @@ Pairing solve(const std::array<std::size_t, 3>& axis, const Matrix9& normal, con
   return pairing;
 }
 
-// One scale for all components, by those whose scale is observed; false if their scales differ.
+// Computes one scale for all components from the components whose scale is observed. Returns false if these scales
+// differ.
 bool find_common(TurnFound& found) {
   double sum = 0, weights = 0;
   for (std::size_t j = 0; j < 3; ++j) {

@@ -18,7 +18,7 @@ struct MotionParameters {
   double gravity_m_per_s2 = 9.80665;   // all: along +z of N (down)
 };
 
-// One motion. `at` gives the truth at `time` (0 is the start of the motion), with angular acceleration, specific
+// A motion. `at` returns the truth at `time` (0 is the start of the motion), with angular acceleration, specific
 // force and accumulated velocity (convention inertial, 0 at time 0), all exact to rounding.
 struct Motion {
   std::string_view name;

@@ -62,7 +62,7 @@ class PcapngReader {
   void end(std::string_view what) noexcept;
 
   FileInput file_;
-  // Not filled with zeros, so that a short file takes few pages of memory.
+  // The memory is not filled with zeros, so that a short file takes few pages of memory.
   static constexpr std::size_t buffer_size = 2 * longest_block;
   const std::unique_ptr<std::byte[]> memory_ = std::make_unique_for_overwrite<std::byte[]>(buffer_size);
   const std::span<std::byte> buffer_{memory_.get(), buffer_size};
