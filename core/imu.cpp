@@ -18,7 +18,7 @@ void Imu::advance(const Timeline& timeline, TruthTime until) noexcept {
   accumulate(timeline, timeline.at(until));
 }
 
-// Extends the sums from advanced_ to `end`, truth by truth, as the motion is smooth only between two of them.
+// Extends the sums from advanced_ to `end`, truth by truth, as the motion is smooth only between two truths.
 void Imu::accumulate(const Timeline& timeline, const MotionState& end) noexcept {
   if (model_.delta_angle == DeltaAngle::rotation_vector && model_.delta_velocity == DeltaVelocity::end_frame) {
     advanced_.time = end.time;  // these increments are differences of two states and need no sums
@@ -26,7 +26,7 @@ void Imu::accumulate(const Timeline& timeline, const MotionState& end) noexcept 
   }
   if (advanced_.basis != MotionState::Basis::interpolated || timeline.revision() != revision_) {
     // advanced_ was extrapolated, or interpolated across a truth that arrived late. These increments contain the
-    // difference between it and the state as it is known now.
+    // difference between advanced_ and the state as the timeline knows it now.
     revision_ = timeline.revision();
     const MotionState known = timeline.at(advanced_.time);
     angle_sum_B_ += log(advanced_.q_NB.conjugate() * known.q_NB);
@@ -99,7 +99,7 @@ Vector3 Imu::true_delta_velocity_B(const MotionState& now) const noexcept {
   }
 }
 
-// Both since the last sample, in platform axes.
+// These two return the true increments since the last sample, in platform axes.
 Vector3 Imu::true_delta_angle(const MotionState& now) const noexcept {
   return vector_of(dcm_PB_ * true_delta_angle_B(now));  // Eq. 4
 }
@@ -117,7 +117,8 @@ void Imu::disturb(const MotionState& now, TruthTime time, double dt, Disturbed& 
     vibration_.add_to({input.rate, input.delta_angle, input.specific_force, input.delta_velocity}, time, dt);
 }
 
-// Inline, as sense() is: it is most of a step. `Out` is a Sample or a Measured. Changes the true increments.
+// Inline, as sense() is, because this is most of the work of a step. `Out` is a Sample or a Measured. Changes the
+// true increments.
 template <bool Rare, class Out>
 [[gnu::always_inline]] inline void Imu::measure(const MotionState& now, TruthTime time, std::uint64_t k, double dt,
                                                 double since_power_on, bool begins_run, Vector3& delta_angle,
@@ -129,7 +130,7 @@ template <bool Rare, class Out>
   true_rate_ = rate;
   true_specific_force_ = specific_force;
   if (is_disturbed_) [[unlikely]] {
-    // Copies, so that the values need no memory where nothing disturbs them.
+    // disturb() gets copies, so that the values can stay in registers where nothing disturbs them.
     Disturbed input = {rate, delta_angle, specific_force, delta_velocity};
     disturb(now, time, dt, input);
     rate = input.rate;
@@ -189,8 +190,8 @@ IMUD_DISPATCHED [[gnu::noinline]] void Imu::take_internal(const MotionState& now
   internal_.status |= measured.status;
 }
 
-// Takes the internal sample that is the last of its sample, whose true increments are given; if it is the first of a
-// run, after all others of that sample.
+// Takes the internal sample that is the last of its sample. The true increments of the sample are given. In the first
+// sample of a run, takes the sample's other internal samples before.
 IMUD_DISPATCHED [[gnu::noinline]] void Imu::measure_last(const MotionState& now, TruthTime time, bool is_first,
                                                          Vector3 delta_angle, Vector3 delta_velocity,
                                                          Sample& out) noexcept {
@@ -215,7 +216,7 @@ IMUD_DISPATCHED [[gnu::noinline]] void Imu::measure_last(const MotionState& now,
 }
 
 // Returns the gyros' and accelerometers' values at `now`, with the increments since the last sample of the run.
-// Inline: it is most of a step, and a Sample is large.
+// Inline, because this is most of the work of a step, and a Sample is large.
 [[gnu::always_inline]] inline Sample Imu::sense(const MotionState& now, TruthTime time, bool is_first,
                                                 DeviceTime stamp) noexcept {
   Sample out;
@@ -252,7 +253,7 @@ IMUD_DISPATCHED [[gnu::noinline]] void Imu::measure_last(const MotionState& now,
   return out;
 }
 
-// Returns by how much the next sample is earlier than its nominal instant.
+// Returns the time by which the next sample is earlier than its nominal instant.
 Nanoseconds Imu::jitter() const noexcept {
   const auto most = static_cast<double>(model_.sampling_jitter.count());
   return Nanoseconds{

@@ -1,5 +1,5 @@
-// Samples while the simulator stands still. In a file of their own, because the compiler optimises the way of the
-// ordinary samples less where theirs is beside it: by 125 instructions a step with g++ 12.
+// Samples while the simulator stands still. This code has a file of its own, because the compiler optimises the path
+// of the ordinary samples less if this code is beside it: g++ 12 makes 125 instructions a step more.
 #include <algorithm>
 #include <utility>
 
@@ -45,7 +45,7 @@ Sample Imu::sample_around_hold(const Timeline& timeline, TruthTime time, DeviceT
   return sample_moving(timeline, time, stamp);
 }
 
-// Takes the hold out of the times and of the accumulated velocity: as if the simulator had not run meanwhile.
+// Removes the hold from the times and from the accumulated velocity, as if the simulator had not run meanwhile.
 void Imu::end_hold() noexcept {
   const Vector3 dv_N = seconds(held_) * (last_.q_NB * last_force_B_);
   last_.dv_N -= dv_N;

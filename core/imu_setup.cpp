@@ -62,7 +62,7 @@ Imu::Imu(const ImuModel& model, std::uint64_t seed, std::uint32_t stream)
   barometer_.draw(normals_);
 }
 
-// Takes the part of the surroundings that the truth at `time` has.
+// Takes the temperature of the surroundings, and the states that vibration follows, from the truth at `time`.
 void Imu::follow_truth(const Timeline& timeline, TruthTime time) noexcept {
   if (temperature_.follows_truth()) surroundings_c_ = timeline.temperature_c(time);
   if (!vibration_.follows()) return;

@@ -24,7 +24,7 @@ namespace imud {
          2.0 * omega.dot(omega_dot) * lanes(positions_.diagonal());
 }
 
-// The corrected trapezoidal rule (Imu::add_piece).
+// Integrates by the corrected trapezoidal rule (Imu::add_piece).
 IMUD_DISPATCHED void SizeEffect::add_piece(const MotionState& begin, const MotionState& end, double h) noexcept {
   const Vector3 omega1 = in_P(begin.omega_BN_B), omega2 = in_P(end.omega_BN_B);
   const Lanes slope1 = centripetal_slope(omega1, in_P(begin.omegaDot_BN_B));

@@ -84,7 +84,7 @@ struct Quintic {
 
 }  // namespace
 
-// The rotation vector of a curve, and its derivatives; the second is only known of a quintic one.
+// The rotation vector of a curve, and its derivatives. The second derivative is only known for a quintic curve.
 struct Timeline::Turn {
   Vector3 phi, first, second;
 };
@@ -94,8 +94,8 @@ Timeline::Timeline(const Limits& limits) : limits_(limits), knots_(capacity), ve
 Admission Timeline::classify(const Truth& truth) const noexcept {
   if (count_ == 0) return Admission::new_run;
   const Nanoseconds ahead = truth.time - newest();
-  // True if a network, or a sender that waits for an answer, has repeated the run's first truth. If the newest is
-  // later by more than `near`, the simulator has been restarted.
+  // True if a network, or a sender that waits for an answer, has repeated the run's first truth. If the newest truth
+  // is later than `truth` by more than `near`, the simulator has been restarted.
   const bool repeated = truth.time == run_start_ && truth.sequence == run_start_sequence_ && ahead >= -near;
   if (truth.new_run && !repeated) return Admission::new_run;
   if (ahead > limits_.max_gap) return limits_.gap_begins_run ? Admission::new_run : Admission::time_jump;
@@ -194,7 +194,7 @@ void Timeline::insert(const Truth& truth) noexcept {
 
 // Sets the members of a knot that depend on its own truth only.
 void Timeline::place(const Truth& truth, Knot& k) noexcept {
-  // link() sets the others of all knots but the first, of which they are not used.
+  // link() sets the other members of all knots except the first. The other members of the first knot are not used.
   k.state.time = truth.time;
   k.state.q_NB = truth.q_NB.normalized();
   k.state.omega_BN_B = truth.omega_BN_B;
@@ -224,7 +224,7 @@ void Timeline::place(const Truth& truth, Knot& k) noexcept {
   k.rate_slope.setZero();
 }
 
-// Sets the members of a knot that depend on the truth before as well.
+// Sets the members of a knot that also depend on the truth before.
 void Timeline::link(const Knot& before, Knot& k) noexcept {
   const Vector3 given_N = k.state.q_NB * k.accumulated_dv_B;  // of use if `accumulated_dv` is inertial
   k.dv_origin_N = before.dv_origin_N;
@@ -242,8 +242,8 @@ void Timeline::link(const Knot& before, Knot& k) noexcept {
     k.omegaDot_end = k.state.omegaDot_BN_B;
   } else {
     // The curve's second derivative is not used: it multiplies any disagreement of attitude and rate by 6/h, and in
-    // simulators that step the attitude by the old or the new rate (JSBSim) they disagree by half a step's change of
-    // rate. Instead, the angular acceleration is linear through the midpoints of this interval and the one before,
+    // simulators that step the attitude by the old or the new rate (JSBSim) the two disagree by half a step's change
+    // of rate. Instead, the angular acceleration is linear through the midpoints of this interval and the one before,
     // where it equals the differences of the rates.
     constexpr double meaningful_s = 1e-5;
     k.rate_slope =

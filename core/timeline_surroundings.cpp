@@ -6,7 +6,7 @@
 
 namespace imud {
 
-// The truth is in its knot.
+// Requires that the truth is already in its knot.
 [[gnu::noinline]] void Timeline::take_surroundings(const Truth& truth) noexcept {
   has_surroundings_ = true;
   if (truth.vehicle.is_empty()) return;

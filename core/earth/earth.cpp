@@ -91,7 +91,7 @@ struct Layer {
     return lapse_k_per_m == 0 ? k * rise / temperature_k
                               : k / lapse_k_per_m * elementary::log(1.0 + lapse_k_per_m * rise / temperature_k);
   }
-  // The inverse.
+  // The inverse of log_ratio(): the rise, m, with this logarithm of the ratio.
   double rise(double log_ratio) const noexcept {
     return lapse_k_per_m == 0
                ? log_ratio * temperature_k / k

@@ -78,7 +78,7 @@ struct Shares {
       for_each_constant(add, squares, sums, cause.loads(quantity));
     }
   }
-  // Turns errors that were drawn without causes into those with them.
+  // Turns errors that were drawn without causes into errors that causes have a part in.
   void apply(const ConstantErrors& sigma, ConstantErrors& drawn) const noexcept {
     const auto share = [](auto& term, const auto& deviation, const auto& square, const auto& sum) {
       term = (own_part(square) * term.array() + deviation.array() * sum.array()).matrix().eval();

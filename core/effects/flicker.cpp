@@ -61,7 +61,7 @@ void Flicker::advance(Octave& octave, std::size_t index, const Normals& normals,
   octave.end = octave.transition * octave.begin + octave.driving * normals(quantity_, process, node + 1);
 }
 
-// The sum is linear over each stride of the first process; `first` is the sample at which one begins.
+// Begins the stride of the first process that begins at sample `first`. The sum is linear over this stride.
 void Flicker::begin_segment(const Normals& normals, std::uint64_t first) noexcept {
   for (std::size_t i = 0; i < count_; ++i)
     if (first % octaves_[i].stride == 0) advance(octaves_[i], i, normals, first / octaves_[i].stride);

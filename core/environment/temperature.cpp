@@ -8,7 +8,7 @@
 
 namespace imud {
 
-// Returns the share of warm_up_c.
+// Returns w, the present share of warm_up_c.
 double Temperature::warmth(double t) const noexcept {
   const double since = std::max(t - changed_s_, 0.0);
   if (has_power_) return 1.0 - (1.0 - share_) * elementary::exp(-since / model_.warm_up_s);
@@ -50,7 +50,7 @@ double Temperature::measured(double temperature) const noexcept {
 }
 
 double Temperature::reported(double t) const noexcept {
-  // measurement() adds a small number, because t of the instant itself may be rounded down.
+  // measurement() adds a small number, because `t` at the instant of a measurement may be rounded down.
   return measured(at(model_.rate_hz > 0.0 ? measurement(t) / model_.rate_hz : t));
 }
 

@@ -13,7 +13,7 @@ namespace imud {
 namespace {
 
 // Returns the integral of the density from a to b, which lie between breakpoints: log-log linear between these, so
-// that S = S_a (f/a)^m, and its integral is S_a a (r^(m + 1) - 1)/(m + 1) with r = b/a.
+// that S = S_a (f/a)^m, and the integral of S is S_a a (r^(m + 1) - 1)/(m + 1) with r = b/a.
 double power_within(std::span<const double> frequency, std::span<const double> density, std::size_t i, double a,
                     double b) noexcept {
   const double slope =
@@ -59,7 +59,7 @@ Vibration::Vibration(const VibrationModel& model, const Normals& normals)
   if (model.spectrum.frequency_hz.size() > 1) add_spectrum(model.spectrum, normals);
 }
 
-// Returns the line of that frequency, which is new if there is none.
+// Returns the spectral line of that frequency. Adds the line if there is none.
 Vibration::Line& Vibration::line(double frequency_hz) {
   const auto turns_per_ns = static_cast<std::uint64_t>(frequency_hz * (0x1p64 * 1e-9) + 0.5);
   const auto found = std::ranges::find_if(

@@ -86,7 +86,7 @@ Vector3 Sky::displacement(const Normals& normals) const noexcept {
   constexpr std::int64_t most_satellites = 64;
   double x[unknowns] = {};
   for (const Seen& one : seen_) {
-    // Each satellite has its own time of the change.
+    // The errors of different satellites change at different times.
     const std::int64_t index = (gps_ns_ + one.prn * (multipath_ns_ / most_satellites)) / multipath_ns_;
     const double deviate =
         normals(Quantity::position, Process::multipath, static_cast<std::uint64_t>(most_satellites * index + one.prn))

@@ -37,14 +37,15 @@ void Navigator::use_fix(const Sample& sample, const At& at) noexcept {
   const Matrix3 axes = q_NL(measured, fix).conjugate().toRotationMatrix();
   const double factor = static_cast<double>(fix.accuracy_factor);  // the receiver reports its accuracy
   filter_.propagate();
-  // The present state stands for the one that was measured, whose errors differ by the errors of what is between.
+  // The update uses the covariance of the present state for the state at the time of the fix. The errors of the two
+  // differ by the errors of the motion between them.
   const auto late2 = [&](int first, double rate) {
     const double change = rate * seconds(latency_);
     return change * change * filter_.covariance().diagonal().segment<3>(first).maxCoeff() * Vector3::Ones();
   };
   const Vector3 position_late2 = late2(InertialFilter::velocity, 1.0),
                 velocity_late2 = late2(InertialFilter::phi, units::standard_gravity);
-  // By the factor the slow errors are larger than the filter expects: that part counts as noise.
+  // The slow errors are larger than the filter expects by the accuracy factor. The excess counts as noise.
   const auto noise2 = [factor](const Vector3& noise, const Vector3& slow) {
     const double more2 = std::max(0.0, factor * factor - 1);
     return Vector3((factor * noise).array().square() + more2 * slow.array().square());
@@ -82,7 +83,7 @@ void Navigator::use_fix(const Sample& sample, const At& at) noexcept {
   is_rejecting_ = false;
 }
 
-// The angle about the vertical between the horizontal parts of the measured field and of the Earth's.
+// Measures the angle about the vertical between the horizontal parts of the measured field and of the Earth's.
 void Navigator::use_heading(const Sample& sample, const At& at) noexcept {
   if (sample.magnetic_field.isZero(0.0)) return;
   const Navigation here = place(at);
@@ -108,8 +109,8 @@ bool Navigator::use_azimuth(std::uint16_t aid, const InertialFilter::Measurement
   return is_used;
 }
 
-// The line from one antenna to the other, as the receiver measures it: the platform's x axis, by the true attitude.
-// The noise is one of the azimuth. Unlike a fix it is not late: a unit corrects for the time of a measurement.
+// Returns the line from one antenna to the other, as the receiver measures it: the platform's x axis, by the true
+// attitude, with noise of the azimuth. Unlike a fix this measurement is not late: a unit corrects for its time.
 Vector3 Navigator::baseline_L(const Sample& sample) const noexcept {
   const double noise =
       model_.antennas_heading * normals_(Quantity::attitude, Process::white_noise, sample.counter).z();
@@ -139,7 +140,7 @@ void Navigator::use_height(const Sample& sample, const At& at) noexcept {
   height.variance[0] = model_.barometric_height * model_.barometric_height;
   height.error = height_error_;
   filter_.propagate();
-  if (heights_rejected_s_ > model_.accept_after_s) {  // the barometer's offset is another
+  if (heights_rejected_s_ > model_.accept_after_s) {  // the barometer's offset has changed
     const double beyond = height.innovation[0] - filter_.aid_errors()[height_error_];
     filter_.add_aid_variance(height_error_, beyond * beyond);
   }
@@ -152,8 +153,8 @@ void Navigator::use_height(const Sample& sample, const At& at) noexcept {
   }
 }
 
-// The sensors cannot tell rest from a smooth flight. The receiver's velocity can, and without a fix the solution's
-// own must be small: a unit that has coasted for long beyond `fastest` finds no rest.
+// The sensors cannot tell rest from a smooth flight. The receiver's velocity can. Without a fix the solution's
+// own velocity must be small: a unit that has coasted for long beyond `fastest` finds no rest.
 bool Navigator::is_slow(const Navigation& here, const Navigation& fix) const noexcept {
   constexpr double fastest = 2.0, deviations = 5.0;  // m/s; both chosen
   if (here.v_L.squaredNorm() > fastest * fastest) return false;

@@ -56,7 +56,7 @@ void AttitudeFilter::propagate() noexcept {
   rotation_s_.setZero();
 }
 
-// The rotation that turns the mean of the specific force up. Where that points straight down there is none.
+// Measures the rotation that turns the mean of the specific force upward. A force straight down has no such rotation.
 void AttitudeFilter::level(const Vector3& dv_L, double t) noexcept {
   const double g = tuning_.gravity, force = dv_L.norm() / t;
   const double noise2 = square(tuning_.noise.accelerometer) / t;

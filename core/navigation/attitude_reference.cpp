@@ -81,7 +81,8 @@ void AttitudeReference::take(Sample& sample) noexcept {
 
 // --- Alignment
 
-// A given heading is the one of a direction that the platform had at the begin of the window, and does not turn.
+// GivenHeading::ahead_P is in the axes of the platform at the begin of the window. The direction does not turn with
+// the platform, so that a new window needs its components in the new axes.
 void AttitudeReference::begin_window() noexcept {
   if (given_) given_->ahead_P = alignment_.q_P0P().conjugate() * given_->ahead_P;
   alignment_.begin();
@@ -121,7 +122,8 @@ void AttitudeReference::align(const Sample& sample, double dt) noexcept {
                q_LP * (alignment_.q_P0P().conjugate() * alignment_.magnetic_field_P0()) / t);
 }
 
-// By the sums of the alignment, which include this sample, if it has begun.
+// Returns the attitude by the sums of the alignment, which include this sample, or by this sample alone if there are
+// no sums.
 Quaternion AttitudeReference::levelled(const Sample& sample) const noexcept {
   const bool has_sums = alignment_.time_s() > 0;
   const Quaternion q_P0P = has_sums ? alignment_.q_P0P() : Quaternion::Identity();
@@ -141,7 +143,8 @@ Quaternion AttitudeReference::levelled(const Sample& sample) const noexcept {
   return (rotation_of_pairs(-Vector3::UnitZ(), ahead_L, up, ahead_P0) * q_P0P).normalized();
 }
 
-// The heading of the attitude is the field's. The filter has it as a measurement, as its error follows from the tilt.
+// The heading of `q_LP` is by the field. The filter gets this heading as a measurement, because the error of the
+// heading depends on the tilt.
 void AttitudeReference::begin_filter(const Quaternion& q_LP, const Vector2& sigma, const Vector3& field_L) noexcept {
   Filter::Covariance P = Filter::Covariance::Zero();
   P.diagonal() << square(sigma.x()), square(sigma.x()), square(sigma.y()),
@@ -167,8 +170,8 @@ AttitudeReference::Field AttitudeReference::field_of(const Vector3& field_L) noe
   return {field_L.norm(), field_L.z() / horizontal(field_L).norm()};
 }
 
-// The angle about the vertical from the horizontal part of the measured field to north. A tilt about north changes it
-// by the tangent of the dip.
+// Returns the angle about the vertical from the horizontal part of the measured field to north, as a measurement. A
+// tilt about north changes this angle by the tangent of the dip.
 Filter::Heading AttitudeReference::heading_by(const Vector3& field_L) const noexcept {
   const double across = field_L.x() * north_.y() - field_L.y() * north_.x();
   return {.axis_L = Vector3::UnitZ() - field_->dip * north_,

@@ -5,7 +5,8 @@
 namespace imud {
 namespace {
 
-// The axes of a right-handed frame, as columns: the first vector, across both, across these two.
+// Returns the axes of a right-handed frame as columns. The first is along `first`, the second across both vectors,
+// the third across the first two.
 Matrix3 frame_of(const Vector3& first, const Vector3& second) {
   Matrix3 m;
   m.col(0) = first.normalized();

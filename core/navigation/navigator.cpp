@@ -34,7 +34,8 @@ struct AidErrors {
   int position = -1, velocity = -1, height = -1;
 };
 
-// Returns the covariance of components in other axes; `axes` has the directions of its own as columns.
+// Returns the covariance in other axes of components with the standard deviations `sigma`. The columns of `axes` are
+// the directions of the components.
 Matrix3 turned(const Matrix3& axes, const Vector3& sigma) {
   return axes * sigma.cwiseProduct(sigma).asDiagonal() * axes.transpose();
 }
@@ -142,8 +143,8 @@ void Navigator::take(Sample& sample, TruthTime time, std::optional<double> earth
   write_aligning(sample, dt);
 }
 
-// While truth is late the filter's time runs on, and truth returns at about that time. If it returns at an earlier
-// time, the simulator stood still meanwhile, and the solution is one of another motion.
+// While truth is late the filter's time runs on, and truth returns at about that time. If truth returns at an earlier
+// time, the simulator stood still meanwhile, and the solution is not the one of the vehicle's motion.
 void Navigator::hold(bool is_held, TruthTime time, double dt) noexcept {
   if (is_held) {
     held_s_ += dt;
@@ -185,7 +186,7 @@ void Navigator::align(const Sample& sample, const At& at, double dt) noexcept {
 std::optional<Navigator::Aligned> Navigator::measure_attitude(const PositionVelocity& now,
                                                               const Sample& sample) noexcept {
   if (!std::exchange(has_begun_, true)) {
-    // The given heading is the one of a direction that does not turn.
+    // The direction that has the given heading does not turn with the platform.
     if (given_) given_->ahead_P = alignment_.q_P0P().conjugate() * given_->ahead_P;
     alignment_.begin();
     first_v_N_.reset();
@@ -201,8 +202,8 @@ std::optional<Navigator::Aligned> Navigator::measure_attitude(const PositionVelo
   return coarse_attitude(now, sample);
 }
 
-// The change of the velocity less the gravitation's is one direction. The other is the line between two antennas, the
-// magnetic field, or the course, to which the platform's x axis is taken to point.
+// The change of the velocity less the gravitation's is one direction. The other direction is the line between two
+// antennas, the magnetic field, or the course, to which the platform's x axis is taken to point.
 std::optional<Navigator::Aligned> Navigator::coarse_attitude(const PositionVelocity& now,
                                                              const Sample& sample) const noexcept {
   const double t = window_->time_s();
@@ -305,8 +306,8 @@ Navigation Navigator::place(const At& at) const noexcept { return earth_.navigat
 
 // --- Output
 
-// Level by the mean of the specific force, as if it were gravity's reaction alone; north by the magnetic field,
-// without declination.
+// The attitude is levelled by the mean of the specific force, as if this were gravity's reaction alone, and turned
+// north by the magnetic field, without declination.
 void Navigator::write_aligning(Sample& sample, double dt) noexcept {
   if (!up_P_) up_P_ = sample.specific_force;
   *up_P_ = exp(-sample.delta_angle) * *up_P_;

@@ -1,4 +1,4 @@
-// While a Navigator rejects fixes: whether its own attitude can be right, and the new begin if it cannot.
+// The review of a Navigator that rejects fixes: whether its attitude can be right, and the new begin if it cannot.
 #include <algorithm>
 
 #include "core/attitude.hpp"
@@ -30,7 +30,7 @@ void Navigator::review(const Sample& sample, const At& at, double dt) noexcept {
   if (square > model_.gate) other_attitude_ = {turn_N, measured->sigma};
 }
 
-// A tilt makes the velocity wrong by its part of gravity, and a gyro the tilt.
+// A wrong velocity may come from a tilt, by the component of gravity, and the tilt from the bias of a gyro.
 void Navigator::doubt(const Vector3& position, const Vector3& velocity_N) noexcept {
   const double time_s = std::max(rejecting_s_, model_.alignment_s);
   const double tilt2 =
@@ -41,7 +41,7 @@ void Navigator::doubt(const Vector3& position, const Vector3& velocity_N) noexce
   filter_.add_variance(InertialFilter::gyro_bias, tilt2 / (time_s * time_s));
 }
 
-// The rotation that was missed may be the work of a gyro whose bias has changed meanwhile.
+// The rotation that the filter has missed may come from a gyro whose bias has changed meanwhile.
 void Navigator::begin_again(const PositionVelocity& measured, const Sample& sample, const At& at) noexcept {
   const auto [turn_N, sigma] = *other_attitude_;
   const double gyro_bias = log(turn_N).norm() / std::max(rejecting_s_, model_.alignment_s);

@@ -22,7 +22,7 @@ std::optional<bool> RestDetector::add(const Vector3& delta_angle, const Vector3&
   const double force2 = (forces2_ / count - mean_force.cwiseProduct(mean_force)).maxCoeff();
   const double step_s = time_s_ / count;
   begin();
-  // Twice the variance that white noise makes of a step's mean.
+  // Returns the limit of a variance: `limit` squared, and twice the variance of a step's mean by white noise.
   const auto limit2 = [step_s](double limit, double density) {
     return limit * limit + 2 * density * density / step_s;
   };

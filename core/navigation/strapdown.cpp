@@ -32,7 +32,7 @@ Vector3 Strapdown::advance(const Vector3& delta_angle, const Vector3& delta_velo
   } else {
     dv_N = state_.q_NP * delta_velocity;
   }
-  // The acceleration is linear over the step, by the change from the step before.
+  // The acceleration is taken as linear over the step; its slope is by the change from the step before.
   const Vector3 to_middle = state_.r_N + 0.5 * dt * state_.v_N;
   const Vector3 g_dt = dt * gravitation_N(gravitation_, to_middle);
   const Vector3 change = dv_N + g_dt;

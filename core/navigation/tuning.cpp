@@ -12,8 +12,8 @@ struct Tuning {
   double noise = 0, walk = 0, bias = 0, scale = 0, g_sensitivity = 0;
 };
 
-// The largest of the axes. A slow error that is no random walk counts as the walk that has its Allan deviation after
-// `slow_s`; the figure is chosen: a maker's own tuning is not published.
+// Returns the tuning by the largest of the axes. A slow error that is no random walk counts as the random walk that
+// has the error's Allan deviation after `slow_s`; the figure is chosen: a maker's own tuning is not published.
 Tuning tuning_of(const TriadErrors& errors, double internal_hz) {
   constexpr double slow_s = 20, flat = 0.664;  // sqrt(2 ln 2/pi), the Allan deviation of B = 1
   const bool is_white = errors.walk_transition.isZero(0.0);

@@ -55,7 +55,7 @@ namespace {
 
 constexpr double central = 0.425;  // inverse_normal_cdf() is a function of p - 1/2 up to here
 
-// inverse_normal_cdf() beyond. Always inline: the batches of AVX2 take its instructions.
+// inverse_normal_cdf() beyond `central`. Always inline, so that batches with AVX2 compute it with AVX2 instructions.
 [[gnu::always_inline]] inline Lanes tail_of_normal(Lanes p) noexcept {
   using elementary::detail::polynomial;
   Lanes r = -elementary::log(select(p < 0.5, p, 1.0 - p));
@@ -133,8 +133,8 @@ struct BatchId {
   std::uint32_t purpose, stream;
 };
 
-// Turns uniform deviates into normal ones. The first loop does the same for each, so that a compiler can compute
-// several at once.
+// Turns uniform deviates into normal deviates. The first loop does the same for each deviate, so that a compiler can
+// compute several at once.
 [[gnu::always_inline]] inline void make_normal(Deviates& x) noexcept {
   using elementary::detail::polynomial;
   Deviates p = x;
@@ -143,7 +143,7 @@ struct BatchId {
     const double r = 0.180625 - q * q;
     x[i] = q * polynomial(central_numerator, r) / polynomial(central_denominator, r);
   }
-  // The tails, four at once.
+  // Computes the deviates in the tails, four at once.
   std::array<std::uint8_t, std::tuple_size_v<Deviates> + 3> tails;
   std::size_t count = 0;
   for (std::size_t i = 0; i < p.size(); ++i) {

@@ -210,7 +210,7 @@ void PoseFit::drop_oldest() noexcept {
 // Drops the truths that no later window needs.
 void PoseFit::advance() noexcept {
   ++next_;
-  if (next_ == count_) {  // with the newest, the next truth is compared
+  if (next_ == count_) {  // the newest truth is needed for the comparison with the next
     while (count_ > 1) drop_oldest();
   } else if (item(next_).begins_segment) {
     while (next_ > 0) drop_oldest();

@@ -1,4 +1,4 @@
-// PoseFit: the noise of the truths, and truths that are off by more.
+// PoseFit: the noise of the truths, and the outliers.
 #include <algorithm>
 #include <cmath>
 #include <span>
@@ -23,7 +23,7 @@ double PoseFit::size_of(Quantity quantity, std::size_t i) const noexcept {
 }
 
 // Tests `group` among its nine nearest neighbours in the segment from `begin` to `end`, at most six of them before.
-// Sets `suspect` if it is off by more than noise and motion explain, and more clearly than the suspect before.
+// Sets `suspect` if the group is off by more than noise and motion explain, and more clearly than the suspect before.
 void PoseFit::test(Quantity quantity, const Group& group, std::size_t begin, std::size_t end,
                    Suspect& suspect) const noexcept {
   constexpr std::size_t others = 9, most_before = 6, few = 2, enough = 20;
@@ -65,7 +65,7 @@ void PoseFit::test(Quantity quantity, const Group& group, std::size_t begin, std
     suspect = {test.ratio, test.distance, bound, quantity, group};
 }
 
-// Returns by how much a vehicle that begins to accelerate leaves its motion within the time: rad, m, m/s.
+// Returns the greatest deviation from its motion that a vehicle reaches within the time by accelerating: rad, m, m/s.
 double PoseFit::explained(Quantity quantity, bool is_velocity, double span_s) noexcept {
   constexpr double most_angular = 1000.0, most_linear = 200.0;  // rad/s^2, m/s^2
   if (quantity == place && is_velocity) return most_linear * span_s;

@@ -26,7 +26,7 @@ void PopcornNoise::begin(const Normals& normals) noexcept {
   has_begun_ = true;
 }
 
-// Returns the mean of s from a time to a later one, at which the next call begins.
+// Returns the mean of s from `from_s` to `to_s`, which is later. The next call must begin at `to_s`.
 double PopcornNoise::mean(const Normals& normals, int axis, double from_s, double to_s) noexcept {
   Level& level = levels_[static_cast<std::size_t>(axis)];
   double sum = 0, time_s = from_s;
@@ -62,7 +62,7 @@ void PopcornNoise::seek(const Normals& normals, std::uint64_t k) noexcept {
 void PopcornNoise::continue_from(const PopcornNoise& before, const Normals& normals, std::uint64_t k) noexcept {
   if (!on_) return;
   if (!before.has_begun_) return seek(normals, k);
-  // The number of a sample is another time if the rate is another.
+  // The time of sample k is different if the rate is different.
   const double shift_s = static_cast<double>(static_cast<std::int64_t>(k)) * (period_s_ - before.period_s_);
   levels_ = before.levels_;
   for (Level& level : levels_) level.until_s += shift_s;
