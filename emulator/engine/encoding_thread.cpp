@@ -58,7 +58,7 @@ void EncodingThread::run() noexcept {
   }
 }
 
-// As Pace::transmit() does.
+// Sends the samples of an instant as Pace::transmit() does.
 void EncodingThread::send(std::span<Item> instant) noexcept {
   for (Item& item : instant) item.channel->lines.wait_for_room(stop_);
   for (Item& item : instant) {

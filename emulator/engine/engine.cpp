@@ -43,7 +43,7 @@ std::unique_ptr<ChannelFaults> Engine::faults_of(const ImuConfig& imu, std::uint
 }
 
 // Executes the steps that neither take a sample nor transmit one. The functions for each kind of step are out of
-// line, so that none needs the registers of the others.
+// line, so that no function saves registers that only another one needs.
 TruthIntake::Outcome Engine::apply_other(const Step& step) noexcept {
   using Type = Step::Type;
   switch (step.event.type) {
@@ -265,8 +265,8 @@ void Engine::take_sample(const Step& step) noexcept {
       event.b = timeline_.newest().ns;
       keep(event, step.imu);
     }
-    // A stop lasts until there is motion again. A sample that precedes the first truth of its run is held, but does
-    // not begin a stop.
+    // A stop lasts until motion is no longer held. A sample that precedes the first truth of its run is held, but
+    // does not begin a stop.
     const bool stopped = held && (stopped_ || time >= timeline_.run_start());
     if (std::exchange(stopped_, stopped) != stopped) (stopped ? quality_.stops : quality_.returns).count();
     const bool silent = stopped && when_stopped_ == WhenStopped::silence;

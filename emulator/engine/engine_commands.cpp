@@ -37,7 +37,7 @@ void Engine::execute(const Step& step) noexcept {
   for (const auto& channel : channels_) channel->execute(command, faults_, now);
 }
 
-// Changes the truth.
+// Executes the commands that change the handling of truth.
 void Engine::change(const Command& command) noexcept {
   const auto fault = static_cast<std::uint32_t>(command.number);
   switch (command.kind) {

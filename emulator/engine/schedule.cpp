@@ -28,7 +28,7 @@ void Schedule::advance(Nanoseconds shift) noexcept {
   walk.advance();
   slot.index = walk.k() - firsts_[slot.imu];
   slot.offset = origins_[slot.imu] + walk.offset();
-  // The slot replaces the first, and sinks below earlier slots.
+  // The advanced slot replaces the first slot of the heap, and sinks below earlier slots.
   std::size_t place = 0;
   for (std::size_t next = 1; next < heap_.size(); next = 2 * place + 1) {
     if (next + 1 < heap_.size() && is_later(heap_[next], heap_[next + 1])) ++next;

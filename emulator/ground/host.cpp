@@ -14,7 +14,7 @@ namespace imud {
 namespace {
 timespec to_timespec(std::int64_t ns) { return {ns / 1'000'000'000, ns % 1'000'000'000}; }
 
-// For each wait poll() costs some 1 us for each pty, and epoll one call more for all of them.
+// In each wait, poll() costs some 1 us for each pty, and epoll costs one more call for all ptys together.
 constexpr std::size_t most_polled = 4;
 
 static_assert(EPOLLIN == POLLIN && EPOLLOUT == POLLOUT && EPOLLERR == POLLERR && EPOLLHUP == POLLHUP);
@@ -33,7 +33,7 @@ HostTime MonotonicHost::sleep_until(HostTime time, Nanoseconds spin) noexcept {
   return now;
 }
 
-// The shortest of a few readings is the one that was interrupted least.
+// Uses the shortest of a few readings, which was interrupted least.
 Host::Ahead MonotonicHost::ahead(clockid_t clock) noexcept {
   if (clock == CLOCK_MONOTONIC) return {};
   Ahead best{Nanoseconds{0}, Nanoseconds::max()};

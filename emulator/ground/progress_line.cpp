@@ -17,7 +17,7 @@ namespace {
 bool is_hidden = false;
 std::atomic<bool> is_line_shown = false;
 
-// A terminal that erases the end of a line.
+// Returns true if standard error is a terminal that can erase the end of a line.
 bool is_terminal() {
   const char* const kind = std::getenv("TERM");
   return ::isatty(STDERR_FILENO) == 1 && kind != nullptr && std::string_view(kind) != "dumb";

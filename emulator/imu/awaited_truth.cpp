@@ -19,7 +19,7 @@ void AwaitedTruth::add(const Imu& imu, Nanoseconds ahead, bool is_extrapolated,
   const bool waits = ahead.count() > 0 || (shown && count_ > 0);
   if (!waits || (!is_extrapolated && !shown)) return;
   const TruthTime time = imu.advanced_to();
-  // Simulation time stands still while the simulator does; the sensor's does not.
+  // Simulation time stands still while the simulator stands still. The sensor's time goes on.
   const auto is_overdue = [&] {
     if (time - first().time > patience) return true;
     std::size_t i = 0;

@@ -78,7 +78,7 @@ void Channel::prepare(std::optional<TruthTime> truth, bool silent) noexcept {
   }
   const SampleFeed* const feed = awaited.feed();
   Sample& sample = sensor.sample();
-  // Each for itself: a Prepared on the stack would be aligned as the member is.
+  // Each member is set by itself, because a temporary Prepared would be aligned on the stack as `prepared` is.
   prepared.sample = &sample;
   prepared.truth = truth;
   prepared.is_silent = silent;

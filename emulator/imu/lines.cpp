@@ -81,7 +81,7 @@ void Lines::enable_faults(const ImuConfig& config, std::uint64_t seed, std::span
 
 void Lines::set_faults(std::span<const ActiveFault> faults, DeviceTime time) noexcept {
   for (DeviceLine& line : all()) {
-    line.wire->set_time(time);  // of other senders' frames before its own
+    line.wire->set_time(time);  // the time of other senders' frames, which leave before the device's
     line.wire->set_active(faults);
   }
 }
@@ -89,8 +89,8 @@ void Lines::set_faults(std::span<const ActiveFault> faults, DeviceTime time) noe
 void Lines::send(DeviceLine& line, std::span<const Frame> frames, DeviceTime time, bool is_reply) noexcept {
   const std::uint64_t dropped = line.port->counters().dropped;
   line.send(frames, time, is_reply);
-  if (line.wire != nullptr) return;  // it keeps the frames, and has the copies
-  // If a port drops frames, it drops the last ones.
+  if (line.wire != nullptr) return;  // the WirePort gives the frames to the sink and to the copies
+  // A port that drops frames drops the last of them.
   if (sink_.keeps()) sink_.frames(line.interface, frames, line.port->counters().dropped - dropped);
   if (!copies_.empty() && &line == lines_.data()) copies_.send(frames, time, is_reply);
 }

@@ -15,7 +15,7 @@ namespace {
 
 constexpr std::string_view truth_keys[] = {"truth.auto_delay_percent", "truth.delay_ms", "truth.extrapolate_ms",
                                            "truth.when_stopped"};
-// Keys of an imu, and tables, which end in a dot.
+// The keys of an imu that a reload can change. A dot at the end stands for all keys of a table.
 constexpr std::string_view imu_keys[] = {"port",
                                          "second_port",
                                          "pace",

@@ -52,7 +52,7 @@ void Sensor::pass_over() noexcept {
   if (!is_resting_) imu_.begin_run();  // otherwise the first sample of the truth begins the run
   if (solution_) {
     solution_->restart();
-    // A heading that the host has given before the first run is the one at its begin.
+    // A heading that the host has given before the first run is the heading at the begin of that run.
     if (!has_run_ && requests_.heading) solution_->give(*requests_.heading);
   }
   has_sampled_ = false;
@@ -63,7 +63,7 @@ void Sensor::pass_over() noexcept {
 void Sensor::sense(const Timeline& timeline, TruthTime time, std::uint64_t k) noexcept {
   has_sampled_ = has_run_ = true;
   is_resting_ = false;
-  ::new (&sample_) Sample(imu_.sample(timeline, time, clock_.stamp(k)));  // in place: a copy is dear
+  ::new (&sample_) Sample(imu_.sample(timeline, time, clock_.stamp(k)));  // in place: a copy is slow
   ahead_ = Nanoseconds{0};
   if ((sample_.status & status::truth_extrapolated) != 0) [[unlikely]]
     ahead_ = imu_.advanced_to() - timeline.newest();
@@ -85,7 +85,7 @@ void Sensor::sense(const Timeline& timeline, TruthTime time, std::uint64_t k) no
   if (judge_ && is_judged) faults_->schedule().judge(judge_->errors(sample_));
 }
 
-// Changes the sample as the errors of the clock, a leap of the truth, and faults do.
+// Applies the errors of the clock, a leap of the truth, and faults to the sample.
 [[gnu::noinline]] void Sensor::take_errors(const Timeline& timeline, TruthTime time) noexcept {
   if (has_clock_errors_) take_clock_errors(oscillator_.follows_truth() ? timeline.temperature_c(time) : std::nullopt);
   if (std::exchange(has_leapt_, false)) sample_.status |= status::truth_extrapolated;
@@ -109,7 +109,7 @@ void Sensor::sense_at_rest(Nanoseconds since_power_on, std::uint64_t k) noexcept
 [[gnu::noinline]] void Sensor::take_clock_errors(std::optional<double> truth_c) noexcept {
   if (oscillator_.is_on()) clock_.shift(oscillator_.next(normals_, sample_.counter, truth_c));
   if (!stamp_error_.is_on()) return;
-  // A clock that has power counts from 0.
+  // A clock counts from 0 at power on. The error must not make its stamp negative.
   const std::int64_t least = sample_.time.ns < 0 ? INT32_MIN : std::max<std::int64_t>(INT32_MIN, -sample_.time.ns);
   sample_.stamp_error_ns = std::max(stamp_error_.at(normals_, sample_.counter), static_cast<std::int32_t>(least));
 }
@@ -118,7 +118,7 @@ void Sensor::restart() noexcept {
   imu_.power_on(++power_ons_);
   acquisition_.power_on();
   if (solution_) solution_->restart();
-  // The last sample is the first that the unit sends: it has no solution yet.
+  // The last sample is the first that the unit sends after its start: this sample has no solution yet.
   const bool has_solution = solution_ && sample_.solution;
   if (has_solution) sample_.navigation = sample_.fix();
   if (acquisition_.is_on()) acquisition_.take(sample_.navigation);

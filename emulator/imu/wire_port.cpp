@@ -168,7 +168,7 @@ void WirePort::send_others(WireChange& change) noexcept {
     case WireFault::bus_load: {
       const double per_sample = (bit_rate() > 0 ? bit_rate() : parameters[1]) * period_s_;
       const double share = parameters[0] / 100 * change.fault().weight;
-      // A sample with more than the load has no effect on later ones.
+      // A sample whose frames exceed the load has no effect on later samples.
       change.owed = std::max(0.0, change.owed + share * per_sample - std::exchange(bus_bits_, 0));
       while (change.owed >= most_can_bits(lowest_priority, 8).nominal)
         change.owed -= add_other(lowest_priority, 8, change, true);
@@ -335,8 +335,8 @@ bool WirePort::is_drained() noexcept {
   return is_drained;
 }
 
-// Takes over the state and the counters of the port. Frames of other senders count as sent or dropped first. So no
-// frame that the port holds back counts as sent.
+// Copies the state and the counters of the port. Of the frames that the port has sent or dropped, the frames of other
+// senders are counted first. So no frame that the port holds back counts as sent.
 void WirePort::mirror() noexcept {
   const PortCounters& now = port_->counters();
   const auto settle = [this](std::uint64_t frames, std::uint64_t& own) {

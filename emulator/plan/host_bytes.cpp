@@ -21,7 +21,7 @@ std::string text_of(const HostBytes& bytes) {
 
 bool HostBytesSearch::take(const HostBytes& wanted, std::byte byte) noexcept {
   if (wanted.empty()) return true;
-  // Falls back to the longest begin of the bytes that ends with this one.
+  // Falls back to the longest beginning of `wanted` that the bytes so far, with this one, end with.
   while (matched_ > 0 && wanted[matched_] != byte) {
     std::size_t shorter = matched_ - 1;
     while (shorter > 0 && std::memcmp(wanted.data(), wanted.data() + matched_ - shorter, shorter) != 0) --shorter;

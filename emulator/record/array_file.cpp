@@ -80,7 +80,7 @@ std::string ArrayFile::begin(std::span<const std::uint64_t> shape, std::size_t r
   end_ = end;
   marks_.assign(parts, 0);
   const int file = file_->descriptor();
-  // A file that is empty is not truncated: ext4 writes a file that was, before it returns from close(2).
+  // An empty file is not truncated, because ext4 writes a truncated file to the disk before it returns from close(2).
   struct stat old {};
   if (::fstat(file, &old) != 0 || (old.st_size != 0 && ::ftruncate(file, 0) != 0) ||
       ::ftruncate(file, static_cast<off_t>(end_ + trailer_size_)) != 0)

@@ -40,7 +40,7 @@ std::string RecordFile::numbered(std::uint64_t number) const {
   return fmt::format("{}-{:05}{}", stem, number, suffix);
 }
 
-// Opens the next file, and removes the one that is not kept any more.
+// Opens the next file, and removes the file that exceeds RecordOptions::max_files.
 bool RecordFile::open_next() {
   path_ = numbered(number_ + 1);
   FileDescriptor next = create(path_);
@@ -115,7 +115,7 @@ void RecordFile::flush() {
   if (options_.max_bytes > 0 && size_ >= options_.max_bytes && !open_next()) counters_.error = errno;
 }
 
-// Returns false if the file did not take all of it; then none of it stays in a regular file.
+// Returns false if the file did not take the whole batch. A regular file then keeps nothing of the batch.
 bool RecordFile::write_batch() noexcept {
   for (std::size_t written = 0; written < batch_.size();) {
     const ssize_t size = ::write(file_.get(), batch_.data() + written, batch_.size() - written);

@@ -40,7 +40,7 @@ void Recorder::start(bool is_live, std::string config) {
                .flags = is_live ? RecordEvent::is_live : std::uint8_t{0},
                .truth = truth_},
               host_now());
-  set_time(host_now());  // of the events before the first that has a time of its own
+  set_time(host_now());  // the time of the events before the first that sets its own
   writer_ = std::thread([this] { write(); });
 }
 

@@ -30,7 +30,7 @@ class TruthRows {
   void on_truth(const Measurement& truth) {
     taken_ = std::max(taken_, ++received_);
     newest_ = truth.sample;
-    // Its truth has never come.
+    // The truth of this sample has never come.
     const bool is_unknown = (newest_.status & status::truth_extrapolated) != 0;
     if (is_unknown) newest_.rate = newest_.specific_force = unknown;
     if (keeps_samples) {
@@ -40,7 +40,7 @@ class TruthRows {
       samples.push_back(row_of(newest_, own));
     }
     increments_.add(newest_);
-    // Not known, as the product may begin its sums at any sample before the first one that it sends.
+    // The increments are not known, as the product may begin its sums at any sample before the first that it sends.
     if (is_unknown || (rows.empty() && increments_.samples > 1))
       increments_.delta_angle = increments_.delta_velocity = unknown;
     complete();
@@ -69,7 +69,8 @@ class TruthRows {
   Increments increments_;
 };
 
-// Returns true if the fault changes made frames, or their way; otherwise it acts before frames are made.
+// Returns true if the fault changes frames that are made, or their transmission. Other faults act before frames are
+// made.
 bool acts_on_frames(const FaultConfig& fault) {
   constexpr std::string_view kinds[] = {"missing", "repeated", "late", "batched", "out_of_order"};
   return fault.kind->seam == FaultSeam::wire ||
@@ -138,7 +139,7 @@ std::vector<std::vector<MadeRow>> made_rows(const Config& config, const TwinRun&
   Config only_made = config;
   only_made.expectations.clear();
   for (FaultConfig& fault : only_made.faults)
-    if (acts_on_frames(fault)) fault.imus.clear();  // its number, from which others draw theirs, stays
+    if (acts_on_frames(fault)) fault.imus.clear();  // the fault stays, so that the other faults keep their numbers
   std::vector<std::vector<MadeRow>> rows(config.imus.size());
   std::vector<std::uint64_t> samples(config.imus.size());
   run_with_twins(
