@@ -27,7 +27,7 @@ bool may_use_threads(const Config& config, const Assembly::Parts& parts) {
   return std::filesystem::is_regular_file(PortSpec::parse(config.truth.port).address, error);
 }
 
-// Returns the configuration of a run from `ahead`.
+// Returns the configuration of a run that takes its truth from `ahead`.
 Config reading_from(const ReadAhead& ahead, Config config) {
   config.truth.format = &ahead.format();
   return config;

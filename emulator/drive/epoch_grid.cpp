@@ -13,16 +13,16 @@ using namespace std::chrono_literals;
 constexpr Nanoseconds between_readings = 100ms;
 // A smaller change than this, beyond the uncertainty of the readings, is not followed.
 constexpr Nanoseconds noticeable = 2us;
-// A change is a step if it is greater than this and what a clock off by 1000 ppm drifts between two readings
-// together. Of the time between them a second counts at most, so that the period of a slow imu hides no step.
+// A change is a step if it is greater than the sum of this and the drift of a clock off by 1000 ppm between two
+// readings. At most a second of the time between the readings counts, so that the period of a slow imu hides no step.
 constexpr Nanoseconds least_step = 100us;
 constexpr std::int64_t drift_divisor = 1000;
 constexpr Nanoseconds longest_drift = 1s;
 
 constexpr std::int64_t second = 1'000'000'000;
 
-// Returns the number of the nominal instant nearest to `offset` from the start; with `up`, of the first that is not
-// before it. Exact: a rate is a whole number of uHz. 0 for a time before instant 0.
+// Returns the number of the nominal instant that is nearest to `offset` from the start; with `up`, of the first
+// instant that is not before `offset`; 0 for a time before instant 0. Exact, as a rate is a whole number of uHz.
 std::uint64_t number_at(const Grid& grid, Nanoseconds offset, bool up) {
   __extension__ using Wide = unsigned __int128;
   if (offset < grid.phase()) return 0;
@@ -61,8 +61,8 @@ EpochGrid::Placement EpochGrid::place(std::size_t imu, const Grid& grid, HostTim
   return place_at(imu, grid, number_at(grid, offset + grid.phase(), true), Nanoseconds{0});
 }
 
-// Places instant `number` of the nominal grid first, later by `off`. The instants of an imu that is off its grid are
-// counted from there.
+// Places the grid so that its first instant is instant `number` of the nominal grid, later by `off`. The instants of
+// an imu that is off its grid are counted from this first instant.
 EpochGrid::Placement EpochGrid::place_at(std::size_t imu, const Grid& grid, std::uint64_t number,
                                          Nanoseconds off) noexcept {
   imus_[imu] = {.ahead = ahead_.by, .number = number};

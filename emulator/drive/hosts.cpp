@@ -36,7 +36,7 @@ void Hosts::watch(const Channel& channel, bool again) noexcept {
 
 void Hosts::settle(HostTime now) noexcept {
   const std::optional<HostTime> wake = next_wake();
-  // Where truth paces, a deadline is at no host time.
+  // Where truth paces the run, a deadline has no host time.
   const bool is_due = !is_paced_ || (wake && *wake <= now);
   if (is_due) {
     engine_.apply(Step::deadlines(now));

@@ -21,9 +21,9 @@ constexpr Nanoseconds early = 2ms;
 constexpr int most_truths = 4096;
 constexpr int most_in_flood = 64;
 constexpr Nanoseconds pause = 1ms;  // if a wait would return at once again
-// A wait that is shorter costs less if the thread spins than if it sleeps, because a wake-up takes as long.
+// In a wait shorter than this the thread spins, because a wake-up from sleep takes as long.
 constexpr Nanoseconds nap = 20us;
-// Truth and hosts are looked at this often, at least, when the thread is behind and never waits.
+// The longest time between two looks at truth and hosts when the thread is behind and never waits.
 constexpr Nanoseconds between_looks = 200us;
 
 std::vector<Grid> grids(const Engine& engine) {
@@ -177,7 +177,8 @@ bool Loop::make_room_for_truth() noexcept {
 // Advances slow imus and answers the truth's sender. Called when all samples that the truth allows have left, or
 // leave by the host's clock.
 void Loop::apply_truth() noexcept {
-  // So that the timeline does not overflow between the samples of slow imus.
+  // The number of truths between two advances, so that the timeline does not overflow between the samples of slow
+  // imus.
   constexpr std::size_t between_advances = Timeline::capacity / 2;
   if (std::exchange(unapplied_, false) && ++truths_since_advance_ == between_advances) {
     truths_since_advance_ = 0;
@@ -189,7 +190,8 @@ void Loop::apply_truth() noexcept {
   }
   if (!intake_.answer_due()) return;
   send_all();  // the samples leave before the answer
-  // By the host's clock, not all samples up to the newest truth have left, and before the run none.
+  // Where the host's clock paces, not all samples up to the newest truth have left; before the run no sample has
+  // left.
   const TruthTime sampled = engine_.in_run() ? engine_.watermark() : timeline_.run_start();
   intake_.answer(waits_for_truth_ ? timeline_.newest() : sampled, engine_.samples_in_run());
 }
@@ -323,8 +325,8 @@ void Loop::complete(HostTime now) noexcept {
   engine_.complete();
 }
 
-// After a change of the epoch's clock the imu's next sample is on the grid by the changed clock. Its stamp and number
-// follow the last sample's, as a sensor's whose clock runs on.
+// After a change of the epoch's clock the imu's next sample is on the grid by the changed clock. The sample's
+// stamp and number follow the last sample's, as in a sensor whose clock runs on.
 void Loop::follow_epoch(const Channel& channel) noexcept {
   const std::size_t imu = channel.number;
   const Schedule::Slot& next = schedule_.next(imu);

@@ -5,14 +5,14 @@
 
 namespace imud {
 
-// Must not be called between a device's receiving a sample and its transmission.
+// Must not be called between the reception of a sample by its device and the transmission of the sample's frames.
 [[gnu::noinline]] void Loop::cycle_power(HostTime now) noexcept {
   engine_.apply(Step::power_cycle(now));
   hosts_.touch_all();
 }
 
-// Executes the batches that wait, but not more than a few. Called where each sample that was taken has been
-// transmitted. A batch for whose results there is no room keeps waiting.
+// Executes the waiting batches, but not more than a few. Must be called when each sample that was taken has been
+// transmitted. A batch keeps waiting while there is no room for its results.
 void Loop::execute_commands() noexcept {
   RunControl& control = *engine_.control();
   const HostTime now = host_.now();

@@ -9,7 +9,7 @@ void Pace::transmit(HostTime instant, HostTime due) noexcept {
     transmit_at_once(instant);
 }
 
-// Out of line, so that transmit() needs none of its registers.
+// Out of line, so that transmit() saves none of the registers that this function needs.
 [[gnu::noinline]] void Pace::transmit_at(HostTime instant, HostTime due) noexcept {
   engine_.apply(Step::transmit(instant, false));
   if (engine_.encodes_apart()) return;

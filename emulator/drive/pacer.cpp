@@ -102,14 +102,14 @@ bool HostPacer::observe(TruthTime truth, HostTime arrival, HostTime due) noexcep
 }
 
 void HostPacer::add_arrival(TruthTime truth, HostTime arrival, HostTime due) noexcept {
-  // Late arrivals of a pause are none of the network.
+  // Arrivals that are late because of a pause say nothing about the network.
   if (is_paused_ && clock_.truth(arrival) - truth > monitor_.tolerated()) return;
   // After a hold-up, samples may be due that are older than the arrival.
   clock_.observe(truth, arrival, std::min(arrival, due));
   quality_.jitter.add(clock_.lateness_s());
 }
 
-// The stamps tell a pause or a leap of the simulator, which changes the map at once.
+// The stamps show a pause or a leap of the simulator. Either changes the map at once.
 bool HostPacer::observe_stamped(TruthTime truth, HostTime arrival, HostTime due) noexcept {
   monitor_.has_jumped(truth, arrival, truth);
   const Nanoseconds shift = std::exchange(shift_, Nanoseconds{0});

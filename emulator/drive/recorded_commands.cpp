@@ -20,7 +20,7 @@ void RecordedRun::repeat_command(const RecordEvent& event) noexcept {
   begin_fault_ = event;
 }
 
-// A fault of several imus is in the record with each.
+// The record has a fault of several imus once for each imu.
 void RecordedRun::begin_fault(const RecordEvent& event, std::span<const std::byte> text) {
   FaultBook& faults = engine_->faults();
   const auto number = static_cast<std::uint64_t>(event.c);

@@ -149,7 +149,7 @@ void RecordedRun::run(Engine& engine, Host& host, const Options& options, const 
   engine.apply(Step::truth(engine.watermark()));  // finds the end
 }
 
-// A time of a damaged packet may wrap around.
+// The arithmetic is unsigned, because the time of a damaged packet may wrap around.
 HostTime RecordedRun::time_of(const PcapngPacket& packet) const noexcept {
   return HostTime{
       static_cast<std::int64_t>(static_cast<std::uint64_t>(packet.time_ns) - static_cast<std::uint64_t>(offset_ns_))};
@@ -172,7 +172,7 @@ bool RecordedRun::is_plausible(const RecordEvent& event, HostTime time) noexcept
     case Type::power_on:
       return is_near(event.a);
     case Type::receive:
-      return event.a == 0 || is_near(event.a);  // of older records, where truth paces
+      return event.a == 0 || is_near(event.a);  // in older records, where truth paces the run
     case Type::power_cycle:
       return is_near(event.a) && is_polled(event.b);
     case Type::run:
@@ -203,7 +203,7 @@ bool RecordedRun::is_plausible(const RecordEvent& event, HostTime time) noexcept
   }
 }
 
-// Truth, edges, and the bytes of a host.
+// Gives a received packet to its port: truth, an edge, or the bytes of a host.
 void RecordedRun::feed(const PcapngPacket& packet, const std::string& interface, HostTime time) noexcept {
   if (packet.direction != PacketDirection::inbound) return;
   const std::uint16_t link = reader_.interfaces()[packet.interface].link_type;
@@ -296,7 +296,8 @@ void RecordedRun::execute(const RecordEvent& event) noexcept {
   }
 }
 
-// Proposes the event as a step: of the imus of its name, or of all. Deadlines are polled as they were before it.
+// Proposes the event as a step of the imus of its name, or of all imus. Before the step, polls the deadlines up to
+// the time to which they were polled in the recorded run.
 void RecordedRun::propose(const RecordEvent& event) noexcept {
   if (traits_of(event).has_polled_time) poll(event.b);
   const bool is_of_all = event.type == Type::command && event.interface == RecordEvent::all_imus;

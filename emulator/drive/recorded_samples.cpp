@@ -24,7 +24,7 @@ bool RecordedRun::awaits_truth(std::uint16_t imu, const RecordEvent& event) noex
   return true;
 }
 
-// Takes the samples of twins whose truth has come; `all`: also if their truth never comes.
+// Takes the samples of twins whose truth has come; with `all`, also the samples whose truth has not come.
 void RecordedRun::take_awaited(bool all) noexcept {
   for (const auto& [imu, events] : awaited_) take_awaited_of(imu, all);
 }
@@ -41,8 +41,8 @@ void RecordedRun::take_awaited_of(std::uint16_t imu, bool all) noexcept {
   }
 }
 
-// Waits until the thread spins for the instant of the recorded run, in steps, so that a signal ends the wait. Returns
-// the instant of the replay.
+// Waits for an instant of the recorded run until the thread begins to spin. Waits in steps, so that a signal ends the
+// wait. Returns the instant in the replay.
 HostTime RecordedRun::wait_until(HostTime instant) noexcept {
   const HostTime now = host_->now();
   if (!shift_) shift_ = now - instant;

@@ -23,7 +23,7 @@ std::string_view word(FaultLabel::State state) {
   return "never";
 }
 
-// An error of a solution; empty where there is none.
+// Returns the text of an error of a solution; empty if there is no error.
 std::string size_text(double size) { return size < 0 ? std::string() : fmt::format("{}", size); }
 
 }  // namespace

@@ -9,7 +9,7 @@ namespace {
 constexpr std::uint64_t draw_of_begin = FaultKind::max_parameters, draw_of_duration = draw_of_begin + 1,
                         draw_of_probability = draw_of_begin + 2, draws_per_occurrence = 8;
 
-// Numbers of samples before the run are negative, modulo 2^64.
+// Compares numbers of samples modulo 2^64, because numbers of samples before the run are negative.
 bool is_before(std::uint64_t a, std::uint64_t b) noexcept { return static_cast<std::int64_t>(a - b) < 0; }
 }  // namespace
 
@@ -29,7 +29,7 @@ FaultSchedule::State FaultSchedule::state_of(const FaultConfig& fault, std::uint
   return state;
 }
 
-// Keeps the order.
+// Inserts a state so that the order by seam and number is kept.
 void FaultSchedule::insert(const State& state) noexcept {
   const auto seam = [](const State& s) { return s.fault->kind->seam; };
   states_.insert(std::ranges::find_if(states_, [&](const State& s) { return seam(s) > seam(state); }), state);
@@ -243,8 +243,8 @@ void FaultSchedule::take(const Sample& sample, double time_s, std::optional<std:
       state.zero = next_;
       state.zero_s = time_s;
     }
-    // An occurrence that has ended between two samples acts on none. Of several occurrences within a leap the first
-    // is logged.
+    // An occurrence that has ended between two samples acts on no sample. If several occurrences lie within a leap,
+    // only the first is logged.
     bool is_logged = !has_leapt;
     while (!state.is_active && begins(state, sample, time_s)) {
       begin(state);

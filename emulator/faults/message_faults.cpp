@@ -137,7 +137,7 @@ void MessageFaults::take(std::span<const ActiveFault> faults, std::uint64_t k, c
         delay_ += nanoseconds(1e-3 * (fault.weight * p + fault.parameters[1] * uniform()));
         break;
       case MessageFault::batched: {
-        // Batches leave at multiples of the period of the device's clock.
+        // Batches leave when the device's clock is at a multiple of the period.
         const std::int64_t period = std::max<std::int64_t>(1, nanoseconds(1e-3 * p).count());
         const std::int64_t into = ((sample.time.ns % period) + period) % period;
         delay_ = std::max(delay_, Nanoseconds{into == 0 ? 0 : period - into});

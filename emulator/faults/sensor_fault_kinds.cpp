@@ -52,7 +52,8 @@ constexpr FaultParameter factor_on_accuracy[] = {
     {.key = "factor", .meaning = "on the accuracies; below 1 they promise too much", .min = 0, .max = 1e6}};
 constexpr FaultParameter time_step[] = {{.key = "value_s", .meaning = "by which GPS time is off"}};
 
-// A kind whose effect has a weight, and one that is there or not. The sensors have axes, GNSS has none.
+// Return a kind whose effect has a weight, and a kind whose effect is on or off. The sensors have axes, GNSS has
+// none.
 constexpr FaultKind ramped(SensorFault code, std::string_view name, std::string_view summary,
                            std::span<const std::string_view> targets,
                            std::span<const FaultParameter> parameters = {}) {

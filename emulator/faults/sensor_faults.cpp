@@ -13,13 +13,13 @@
 namespace imud {
 namespace {
 
-// The deviate of the white noise of a sample, of which each axis has its own.
+// Returns the deviates of the white noise of a sample, one for each axis.
 Vector3 deviates(const Normals& normals, std::uint64_t k) noexcept {
   return normals(Quantity::rate, Process::fault_noise, k);
 }
 
-// The change of a polynomial without constant term from T - T0 = a to b; column j - 1 has the coefficients of degree
-// j.
+// Returns the change of a polynomial without constant term from T - T0 = a to b; column j - 1 has the coefficients of
+// degree j.
 Vector3 change(const Matrix3& coefficients, double a, double b) noexcept {
   return coefficients.col(0) * (b - a) + coefficients.col(1) * (b * b - a * a) +
          coefficients.col(2) * (b * b * b - a * a * a);
@@ -35,7 +35,7 @@ void SensorFaults::apply(std::span<const ActiveFault> faults, std::uint64_t k, d
   const double internal_s = 1.0 / (model_.internal_samples * model_.rate_hz);
   const auto white = [internal_s](const TriadErrors& errors) {
     const double sigma = errors.white_density.x() / std::sqrt(internal_s);
-    // The memo's process without memory is white noise, too.
+    // The memo's process (GaussMarkov) without memory is white noise, too.
     return errors.walk_transition.isZero(0.0) ? std::sqrt(sigma * sigma + errors.walk_sqrt_cov.row(0).squaredNorm())
                                               : sigma;
   };
@@ -99,7 +99,7 @@ void SensorFaults::apply_to_triad(const ActiveFault& fault, std::uint64_t k, dou
       break;
     case SensorFault::drift:
       after = before + Vector3::Constant(p * since_s);
-      // The integral over the step, which may begin before the fault.
+      // Adds the integral of the drift over the step, which may begin before the fault.
       other = increment + Vector3::Constant(fault.since > 0 ? step_s * p * (since_s - 0.5 * step_s) : 0.0);
       break;
     case SensorFault::scale:

@@ -109,7 +109,7 @@ class FaultyTruthDecoder final : public TruthDecoder, public TruthFaults {
   }
 
  private:
-  // Returns nothing if the truth is not to be seen now.
+  // Applies the faults to a truth. Returns nullopt if the truth must not be passed on now.
   std::optional<TruthResult> apply(Truth& truth) noexcept {
     if (!begin_ || truth.new_run || truth.time < *begin_) {
       begin_.reset();

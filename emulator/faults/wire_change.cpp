@@ -6,7 +6,7 @@
 namespace imud {
 namespace {
 
-// The speed of the sender in UartWire, which only the ratio of the speeds matters to.
+// The speed of the sender in UartWire. Only the ratio of the two speeds matters.
 constexpr unsigned nominal_baud = 100'000;
 
 }  // namespace
@@ -91,7 +91,8 @@ void WireChange::cut(ChangingFrame& frame) noexcept {
   frame.resize(static_cast<std::size_t>(std::min(size, bytes > 0 ? bytes : fraction * size)));
 }
 
-// The checks of the frame with another bit of the content: with that content, or with the right one.
+// Gives the frame the checks of a content with one wrong bit. The frame then has this wrong content, or the right
+// one.
 ChangingFrame& WireChange::reseal(ChangingFrame& frame, ChangingFrame& other, FrameSeal* seal,
                                   const CanHeader& can) noexcept {
   if (!numbers_.happens(fault_.parameters[0] * fault_.weight) || seal == nullptr) return frame;

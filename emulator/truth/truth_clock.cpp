@@ -105,7 +105,7 @@ bool TruthClock::is_settled(HostTime now) noexcept {
          enough_to_settle().jitter_s <= little_jitter_s;
 }
 
-// The line may have moved since the arrivals.
+// Computes the needs again, because the line may have moved since the arrivals.
 TruthClock::Enough TruthClock::enough_to_settle() noexcept {
   const std::size_t count = std::min(need_count_, needs_.size());
   for (std::size_t i = 0; i < count; ++i) needs_[i] = need_s(arrivals_[i].host_s, arrivals_[i].known_s);
@@ -237,7 +237,7 @@ void TruthClock::add_need(double host_s, double known_s) noexcept {
   if (options_.automatic_percent > 0 && is_settled_ && need_count_ % between_evaluations == 0) follow_needs(host_s);
 }
 
-// `outliers`: so many of the longest needs are left out.
+// `outliers`: the number of the longest needs that are left out.
 TruthClock::Enough TruthClock::enough(std::size_t outliers) const noexcept {
   const std::size_t known = std::min(need_count_, needs_.size());
   std::array<double, 512> sorted = needs_;

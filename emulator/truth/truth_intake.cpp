@@ -78,7 +78,7 @@ void TruthIntake::finish_input() noexcept {
   started_ = false;
 }
 
-// A stream ends where its simulator disconnects, also in a capture.
+// Ends the stream where the simulator disconnects, also in a capture.
 void TruthIntake::watch_connection() noexcept {
   if (!is_stream_ && is_live_) return;
   const PortCounters& port = port_->counters();
@@ -131,7 +131,8 @@ std::optional<TruthResult> TruthIntake::next_record() noexcept {
   return std::nullopt;
 }
 
-// The release lets the log, which reads the count, read the remark that was set before.
+// The count is stored with release order, so that the log, which reads the count, also sees the remark that was set
+// before.
 TruthIntake::Outcome TruthIntake::refuse(Refusal refusal) noexcept {
   counters_.refused[static_cast<std::size_t>(refusal)].fetch_add(1, std::memory_order_release);
   return Outcome::ignored;
@@ -153,7 +154,7 @@ TruthIntake::Outcome TruthIntake::refuse(Refusal refusal, TruthTime newest) noex
   return refuse(refusal);
 }
 
-// Counts the datagrams that the port has dropped because another has sent them.
+// Counts the datagrams that the port has dropped because they came from another sender.
 void TruthIntake::count_foreign() noexcept {
   const PortCounters& port = port_->counters();
   constexpr auto cause = static_cast<std::size_t>(Refusal::foreign_sender);
@@ -186,7 +187,7 @@ void TruthIntake::watch_senders() noexcept {
   });
 }
 
-// Counts by the sequence numbers. A format without them has 0 in every truth.
+// Counts lost truths by the sequence numbers. A format without sequence numbers has 0 in every truth.
 void TruthIntake::count_lost(Admission admission) noexcept {
   constexpr std::uint32_t believable = 100'000;
   const std::uint32_t step = truth_.sequence - newest_sequence_;

@@ -14,7 +14,7 @@ namespace {
 struct ExcessText {
   std::string_view what, unit, key;
 };
-// By BoundsWatch::Kind.
+// The texts, indexed by BoundsWatch::Kind.
 constexpr ExcessText excess_texts[BoundsWatch::kinds] = {
     {"its rate is", "rad/s", "truth.max_rad_per_s"},
     {"its specific force is", "m/s^2", "truth.max_m_per_s2"},
@@ -51,7 +51,7 @@ void TruthIntake::remark_excess(bool follows) noexcept {
   });
 }
 
-// The last record is whole, but nothing says that its last number is.
+// The last record has all its numbers, but without a line feed the last number may be cut off.
 void TruthIntake::remark_last_line() noexcept {
   counters_.remarks.last_line.set([&](std::span<char> room) {
     const auto result =
