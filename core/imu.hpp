@@ -142,9 +142,9 @@ class Imu {
   // continue from their values. Numbers drawn once, for the unit, at power on or for the vibration, stay.
   void set_seed(std::uint64_t seed) noexcept;
 
-  // Takes the place of `before` between two samples: run, counter, increments since the last sample and random
-  // numbers go on, and so do the errors with a memory, as far as their parameters allow (triad_step.hpp). Both have
-  // the same definitions of the increments. A bias that set_bias() has replaced is not kept.
+  // Replaces `before` between two samples. The run, the counter, the increments since the last sample and the random
+  // numbers continue, and so do the errors with a memory, as far as their parameters allow (triad_step.hpp). Both
+  // must have the same definitions of the increments. A bias that set_bias() has replaced is not kept.
   void continue_from(const Imu& before) noexcept;
 
   // Returns the sample at `time`, with the device's own time `stamp`. `time` must not be before the last sample

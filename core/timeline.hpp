@@ -47,7 +47,7 @@ struct MotionBegin {
 // Position and velocity of a point in N.
 struct PositionVelocity {
   bool is_known = false;
-  TruthTime time;                 // the instant of r_N and v_N; while motion is held, the last before it was
+  TruthTime time;  // the instant of r_N and v_N; while motion is held, the last instant before the hold
   Vector3 r_N = Vector3::Zero();  // m
   Vector3 v_N = Vector3::Zero();  // m/s
   // Truth::earth_angle of the truth at `time` or before it; nullopt: the truth does not relate N to the Earth.

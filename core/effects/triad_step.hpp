@@ -21,7 +21,7 @@ struct Surroundings {
 //   bool is_on() const noexcept
 //   void apply(TriadStep&) noexcept            called only if it is on
 //   void seek(const Normals&, std::uint64_t k) noexcept
-//                                              after which apply() of sample k does as in the sequence from 0
+//                                              after which apply() of sample k does as in the sequence from sample 0
 //   void power_on(std::uint64_t number) noexcept
 // The last two are empty in StatelessEffect. An effect that has computed random numbers ahead also has
 //   void forget_numbers() noexcept             after which apply() may have other Normals

@@ -1,4 +1,4 @@
-// The temperature of the sensor, true and as the sensor reports it.
+// The temperature of the sensor: the true one, and the one that the sensor reports.
 #pragma once
 
 #include <cmath>

@@ -46,15 +46,15 @@ namespace imud {
 // m/s^2 or 1000 rad/s^2 explain in the time from the nearest of the many neighbours: a pose at another place is then
 // refused, also if the vehicle has leapt there with its last three. There the expected distance is larger: the rms of
 // a component is 4, 10 and 23 times the noise for one to three truths beyond the last neighbour, 1.2 to 2.2
-// elsewhere. A segment of fewer than ten truths is not tested. Truths of a run that were taken
-// before its last had come stay.
+// elsewhere. A segment of fewer than ten truths is not tested. Truths of such a group that
+// next() has taken before the group's last truth came are not refused.
 //
 // A window has at least 3 truths on either side, if need be of more than the delay, and at most 256. Near the ends of
-// a segment it has the length of the others, or 13 truths, and lies to one side; there the degree depends on the
-// noise and the motion. So the first truths of a segment have more delay. A segment ends with a run, a gap (a step
-// longer than the delay and four mean steps), a change of the derived quantities, and at finish(). The
-// vehicle must turn by less than 180 deg between two truths; a window in which it turns by more than 143
-// deg (2.5 rad) is shortened.
+// a segment a window has the length of the other windows, or 13 truths, and lies to one side of the truth. There the
+// degree depends on the noise and the motion. So the first truths of a segment have more delay. A segment ends with a
+// run, a gap (a step longer than the delay and four mean steps), a change of the derived quantities, and at finish().
+// The vehicle must turn by less than 180 deg between two truths; a window in which it turns by more than 143 deg (2.5
+// rad) is shortened.
 //
 // The constructor allocates all memory; nothing else here allocates, locks or throws. The same bits on every machine.
 // Not thread-safe.

@@ -1,4 +1,4 @@
-// Noise of poses: how large it is, and which pose is off by more.
+// Noise of poses: how large the noise is, and which pose is off by more than the noise.
 #pragma once
 
 #include <cstddef>

@@ -1,4 +1,4 @@
-// Pieces of a capture: what its port and its decoder return, so that a run takes it without decoding.
+// Pieces of a capture: the results of its port and its decoder, so that a run takes the capture without decoding.
 #pragma once
 
 #include <cstddef>

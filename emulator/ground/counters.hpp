@@ -203,7 +203,7 @@ struct FitFigures : CounterGroup {
   // The root mean square of a component: rad; m, or m/s where the force is derived from velocities.
   Level attitude_noise{*this, "attitude_noise_rad", 0, 1};
   Level place_noise{*this, "place_noise_m", 0, 1};
-  // The same of the rate and the force that the windows make of it, rad/s and m/s^2.
+  // The root mean square of a component of the noise in the derived rate and force, rad/s and m/s^2.
   Level rate_noise{*this, "rate_noise_rad_per_s", 0, 1};
   Level force_noise{*this, "force_noise_m_per_s2", 0, 1};
   // Delays, s: the shortest, the mean, the longest; 0: nothing is derived.
@@ -224,7 +224,7 @@ struct TruthCounters : CounterGroup {
   Counter no_state{*this, {"no_state", "without state", Show::always}};
   // Truths accepted although a later one had arrived before.
   Counter inserted{*this, {"inserted", "reordered but in time"}};
-  // Truths missing by the sender's sequence numbers. Falls when a reordered one arrives.
+  // Truths missing by the sender's sequence numbers. Falls when a reordered truth arrives.
   Counter lost{*this, {"lost", "lost", Show::if_not_zero, Show::never, true}};
   // Refused duplicates that repeat a truth by its sequence number, too.
   Counter repeated{*this, {"repeated", "repeated"}};
@@ -236,7 +236,7 @@ struct TruthCounters : CounterGroup {
   Counter truncated{*this, {"truncated", "cut short", Show::if_not_zero, Show::if_not_zero}};
   // Times that another sender's truth followed one that this sender had sent before (SenderWatch).
   Counter sender_changes{*this, {"sender_changes", "changes of sender", Show::if_not_zero, Show::if_not_zero}};
-  // Times that the connection to the simulator was lost; connections refused, because there is one.
+  // Times that the connection to the simulator was lost; connections refused, because one simulator is connected.
   Counter disconnections{*this, {"disconnections", "disconnections", Show::if_not_zero, Show::if_not_zero}};
   Counter connections_refused{*this, {"connections_refused", "connections refused"}};
   RefusalCounters refused;
@@ -303,7 +303,7 @@ struct TruthQuality : CounterGroup {
 
 // The clock of the epoch on which the grids of samples are (`[realtime] epoch`).
 struct ClockCounters : CounterGroup {
-  // Times that it was set, and the last change of its time, s.
+  // Times that the clock was set, and the last change of its time, s.
   Counter steps{*this, {"steps", "steps", Show::always}};
   Level last_step{*this, "last_step_us", 0, 1e6};
 };

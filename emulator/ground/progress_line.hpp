@@ -12,9 +12,9 @@ namespace imud {
 // Returns a time as "90 s", "40 min", "3.5 h": the time left if `done`, from 0 to 1, of the work took `elapsed_s`.
 std::string time_left(double elapsed_s, double done);
 
-// A line on standard error that is rewritten at most five times a second, and removed at the end. The first one comes
-// half a second after the begin, so that short work shows none. Shows nothing if standard error is no terminal. There
-// is one line at a time.
+// A line on standard error that is rewritten at most five times a second, and removed at the end. The line first
+// appears half a second after the begin, so that short work shows none. Shows nothing if standard error is no
+// terminal. There is one line at a time.
 class ProgressLine {
  public:
   // `is_wanted`: false: shows nothing at a terminal either.

@@ -28,7 +28,7 @@ class Faults {
     lines_.push_back(line);
   }
   const std::vector<std::string>& all() const { return all_; }
-  // Returns all in the order of their lines; those without a line are first.
+  // Returns all faults in the order of their lines; faults without a line are first.
   std::vector<std::string> by_line() const;
   // Adds a warning: the file is valid, but probably not as intended.
   void warn(std::uint32_t line, std::string_view key, std::string_view what) {
@@ -96,7 +96,7 @@ class TableReader {
   // Returns the reader of the table of that key, which may be absent.
   TableReader child(std::string_view key);
 
-  // Writes to `resolved` a value that no getter has returned, or one that takes the place of the value there.
+  // Writes to `resolved` a value that no getter has returned, or replaces the value there.
   template <class Value>
   void resolve(std::string_view key, Value&& value) {
     resolved_.insert_or_assign(key, std::forward<Value>(value));

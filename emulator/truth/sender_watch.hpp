@@ -9,8 +9,8 @@
 
 namespace imud {
 
-// Two senders send in turn if one comes back after the other. A simulator that starts again sends from another port
-// and its old one stays silent: it is a single sender. Allocates nothing.
+// Two senders share the port if one of them sends again after the other has sent. A simulator that starts again sends
+// from another port, and its old port stays silent: it counts as a single sender. Allocates nothing.
 class SenderWatch {
  public:
   const Endpoint& newest() const noexcept { return newest_; }
