@@ -28,8 +28,8 @@ struct GnssModel {
 // GPS time: neither the travel of the signal nor refraction counts. The dilutions are the roots of the diagonal of
 // (H'H)^-1, the rows of H being the directions from the satellites and 1 (as dops() of RTKLIB 71db0ff, src/rtkcmn.c).
 // Reflections displace the place by the least squares of the ranges' errors b, (H'H)^-1 H' b: in steps, as these
-// change and as satellites cross the mask. Their decrease with the elevation is RTCA DO-229D's for aircraft, as MAAST
-// of Stanford's GPS laboratory has it (init_cnmp_mops.m).
+// change and as satellites cross the mask. Their decrease with the elevation is RTCA DO-229D's for aircraft, as in
+// MAAST of Stanford's GPS laboratory (init_cnmp_mops.m).
 //
 // The same bits on every machine, and a function of place, time and seed alone. Nothing here allocates after
 // construction, locks or throws; not thread-safe.

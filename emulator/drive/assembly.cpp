@@ -19,7 +19,8 @@ std::optional<RecordedRun> record_of(const Config& config, bool repeats) {
   return std::optional<RecordedRun>(std::in_place, PortSpec::parse(config.truth.port), config);
 }
 
-// A fifo would keep a thread waiting for another process, and a record needs the packets of the truth.
+// Returns whether a run may use several threads. A fifo would keep a thread waiting for another process, and a record
+// needs the packets of the truth.
 bool may_use_threads(const Config& config, const Assembly::Parts& parts) {
   if (config.clock != ClockMode::fast || parts.repeats || parts.sink.keeps() || !is_capture(config.truth.port))
     return false;

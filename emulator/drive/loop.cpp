@@ -10,8 +10,8 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr Nanoseconds longest_wait = 20ms;  // until `stop`, and ports that poll() does not report, are checked again
-// The time for preparing an instant's samples, before the spinning. Their frames are made while spinning, or at the
-// instant. So commands that arrive until then are executed first.
+// The time for preparing an instant's samples, before the spinning. The samples' frames are made while spinning, or
+// at the instant. So commands that arrive until then are executed first.
 constexpr Nanoseconds preparation = 150us;
 // A sample whose truth is known may be prepared this early. This saves a fast sensor a wake-up, and leaves reordered
 // truths time to arrive for a slow one.

@@ -16,7 +16,7 @@ class ReadAhead {
  public:
   // Opens the capture, a regular file, and begins to read. Throws PortError.
   explicit ReadAhead(const TruthConfig& config);
-  // Ends the thread. The port is no longer used.
+  // Ends the thread. The port of open() must no longer be used.
   ~ReadAhead();
   ReadAhead(const ReadAhead&) = delete;
   ReadAhead& operator=(const ReadAhead&) = delete;

@@ -21,7 +21,7 @@ class EncodingThread {
  public:
   // `channels`: how many imus there are. `stop` ends the waits for readers.
   EncodingThread(std::size_t channels, const std::atomic<bool>& stop);
-  // Sends what was put, and ends the thread.
+  // Sends the samples that were put, and ends the thread.
   ~EncodingThread();
   EncodingThread(const EncodingThread&) = delete;
   EncodingThread& operator=(const EncodingThread&) = delete;

@@ -37,9 +37,9 @@ class FaultSchedule {
   // Ends the fault of this number with the last sample, or all faults; they do not begin again in this run.
   void end(std::uint32_t number) noexcept;
   void end_all() noexcept;
-  // Determines the faults of a sample, `since_begin` after the first sample of its run. `sample` is without faults;
-  // later calls are for later samples.
-  // `utc_ns`: UTC of the sample, ns since 1970; nullopt if no clock of the host paces the samples.
+  // Determines the faults of a sample, `since_begin` after the first sample of its run. `sample` must be without
+  // faults, and later than the sample of the last call. `utc_ns`: UTC of the sample, ns since 1970; nullopt if no
+  // clock of the host paces the samples.
   void take(const Sample& sample, Nanoseconds since_begin,
             std::optional<std::int64_t> utc_ns = std::nullopt) noexcept;
   // The same for a sample before the first truth, on which only added faults act. `since`: of the sample,

@@ -36,7 +36,8 @@ class ProgressLine {
   void show(std::uint64_t done, std::uint64_t all, std::string_view things);
   // Removes the line, so that other lines may follow. A line of the log removes it by itself.
   void clear() noexcept;
-  // Returns what removes the line that a terminal shows; empty if it shows none. Threads may call it.
+  // Returns the text that removes the line that a terminal shows; empty if no line is shown. Any thread may call
+  // this.
   static std::string_view removal() noexcept;
 
  private:

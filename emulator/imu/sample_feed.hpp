@@ -32,7 +32,7 @@ struct FeedSample {
   std::uint64_t k = 0;                  // Sample::counter
   std::int64_t time_ns = 0;             // its stamp by the device's clock
   std::optional<TruthTime> truth_time;  // the simulation time that it samples; nullopt at rest before the first truth
-  bool is_sent = true;  // false: nothing has left, because it is silent, paused, without power, or too late
+  bool is_sent = true;  // false: no frame has left, because the sample is silent, paused, without power, or too late
   double temperature_c = 0;
   Vector3 rate = Vector3::Zero(), specific_force = Vector3::Zero();  // rad/s, m/s^2
   // The motion without any error, interpolated at the sample's instant, even if the sample was extrapolated or held.

@@ -43,13 +43,14 @@ inline constexpr auto clock_words = std::to_array<Word<ClockMode>>(
 // The output of a sensor while motion is held because truth has stopped.
 enum class WhenStopped : std::uint8_t {
   hold,     // rate 0 and constant specific force, with status bits 6 and 7
-  flag,     // the same, and marked as not valid (status bit 8, or the protocol's own mark)
+  flag,     // as `hold`, and marked as not valid (status bit 8, or the protocol's own mark)
   silence,  // nothing
 };
 inline constexpr auto when_stopped_words = std::to_array<Word<WhenStopped>>(
     {{WhenStopped::hold, "hold"}, {WhenStopped::flag, "flag"}, {WhenStopped::silence, "silence"}});
 
-// The output of a sensor in real time until the first truth comes. It has power and answers its host in any case.
+// The output of a sensor in real time until the first truth comes. The sensor has power and answers its host in
+// any case.
 enum class BeforeFirst : std::uint8_t {
   silence,  // no sample: sample 0 is at the first truth
   rest,     // samples of a vehicle at rest: sample 0 is at power-on
@@ -69,7 +70,7 @@ struct TruthConfig {
   bool ignores_force = false;           // no specific force is used or derived
   TruthFrame frame;                     // as far as the format and its settings determine it
   EarthModel earth;                     // the Earth of every imu
-  bool is_earth_angle_given = false;    // by the key; otherwise it is the truth's, or the start's
+  bool is_earth_angle_given = false;    // by the key; otherwise the angle is the truth's, or the start's
   bool is_place_needed = false;         // an imu measures a magnetic field, pressure or headings, or has a receiver
   TruthBounds bounds;                   // the probable limits of the truth
   Vector3 r_RB_B = Vector3::Zero();     // m; the point whose motion the truth gives. The imus' lever arms begin there
@@ -115,8 +116,8 @@ std::vector<std::pair<std::string_view, std::string>> ports_of(const ImuConfig& 
 // Returns the imus' names, in their order.
 std::vector<std::string> names_of(std::span<const ImuConfig> imus);
 
-// The name of the model without errors, and the sensors and the imu that have it: they sample the same truth at the
-// same instants, place and axes, and keep their ranges and their protocol.
+// The name of the model without errors. ideal() returns sensors or an imu with this model, which sample the same
+// truth at the same instants, place and axes, and keep their ranges and their protocol.
 inline constexpr std::string_view model_without_errors = "ideal";
 TriadErrors ideal(const TriadErrors& errors) noexcept;
 ImuConfig ideal(const ImuConfig& imu);
@@ -152,7 +153,7 @@ struct Config {
   std::function<std::string()> resolved = [] { return std::string(); };
   // Each describes a valid value that is probably not meant: "file:line: key: what".
   std::vector<std::string> warnings;
-  // The regular files that it was read from, reads truth from, or writes.
+  // The regular files that the configuration was read from, and the files that a run reads truth from, or writes.
   FilesInUse files;
 };
 
@@ -164,7 +165,7 @@ struct ConfigError : std::runtime_error {
 
 // Returns true if the truth port is a capture, whose truth can be read ahead of the clock.
 bool is_capture(const std::string& truth_port) noexcept;
-// Returns true if the host's clock paces the run, and the truth port is none of these.
+// Returns true if the host's clock paces the run, and the truth port is no capture (is_capture()).
 bool has_live_truth(const Config& config) noexcept;
 // Returns the epoch of the grids of samples: none without live truth.
 Epoch epoch_of(const Config& config) noexcept;
