@@ -1,4 +1,4 @@
-// FrameSeal: writes the checks of a product's frames again, for faults of the wire that change content.
+// FrameSeal: recomputes the checks in a product's frames after a simulated wire fault has changed the content.
 #pragma once
 
 #include <cstddef>
@@ -12,30 +12,31 @@ namespace imud {
 
 class Settings;
 
-// No function but a constructor throws or allocates. One thread.
+// Only a constructor throws or allocates. One thread.
 class FrameSeal {
  public:
   virtual ~FrameSeal() = default;
 
-  // Writes the right checks to `frame`, a whole frame of the product, and returns its bytes that can change without a
-  // change of the framing; bits of a check among them are written over. Empty if the bytes are no such frame, or if
-  // it has no check; what the bytes are then is undefined. `can`: its header.
+  // Writes the right checks to `frame`, a whole frame of the product. Returns the bytes of the frame that can
+  // change without a change of the framing; reseal() overwrites the bits of a check among these bytes. Returns an
+  // empty span if `frame` is no frame of the product, or has no check; the content of `frame` is then undefined.
+  // `can`: the header of the frame.
   virtual std::span<std::byte> reseal(std::span<std::byte> frame, const CanHeader& can) noexcept = 0;
 
-  // Where a check covers a transfer of several CAN frames, reseal() takes the data of these, one after another.
-  // Returns how many of `frames`, from the first one on, are a transfer, at least 1; there is a first one.
-  // Default: 1.
+  // Where a check covers a transfer of several CAN frames, reseal() takes the data of all frames of the transfer,
+  // one after another. Returns how many of `frames`, from the first frame on, form the transfer; at least 1.
+  // Requires at least one frame. Default: 1.
   virtual std::size_t transfer(std::span<const Frame> frames) const noexcept;
 
-  // Where the line adds escapes to frames, reseal() takes a frame without them. open() writes such a frame to
-  // `content`, close() the frame with its escapes to `line`; both return the size, and 0 if it is no whole frame, or
-  // does not fit. Default: the frame as it is.
+  // Where the line adds escapes to frames, reseal() takes a frame without them. open() writes the frame without
+  // escapes to `content`; close() writes the frame with escapes to `line`. Both return the size written, or 0 if
+  // the input is no whole frame, or the output does not fit. Default: both copy the frame unchanged.
   virtual std::size_t open(std::span<const std::byte> line, std::span<std::byte> content) noexcept;
   virtual std::size_t close(std::span<const std::byte> content, std::span<std::byte> line) noexcept;
 };
 
-// Makes the seal of a product whose checks depend on no setting, from FrameSeal::reseal() and, if not nullptr,
-// FrameSeal::transfer(): for `make_seal` of an entry.
+// Makes the seal of a product whose checks depend on no setting: a function for Protocol::make_seal.
+// `reseal_frame` implements FrameSeal::reseal(); `transfer_of`, unless nullptr, implements FrameSeal::transfer().
 template <auto reseal_frame, auto transfer_of = nullptr>
 std::unique_ptr<FrameSeal> seal_by(const Settings&) {
   struct Seal final : FrameSeal {

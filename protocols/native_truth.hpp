@@ -1,5 +1,5 @@
-// The native truth datagram, versions 1 and 2, and its acknowledgement: for senders of truth, and for tests. The
-// decoder is the truth format "native".
+// The native truth datagram, versions 1 and 2, and its acknowledgement. Senders of truth and tests use this
+// header; the truth format "native" decodes the datagram.
 //
 // Version 1, little-endian, 208 bytes:
 //
@@ -35,9 +35,9 @@
 // | 200    | u32     | the clock: 1 CLOCK_TAI, 2 CLOCK_REALTIME, 3 CLOCK_MONOTONIC; 0: no stamp    |
 // | 204    | u32     | CRC-32C of bytes 0 to 203                                                   |
 //
-// A sender computes the stamps: as much time passes from stamp to stamp as simulation time, unless the simulation
-// pauses or has another rate. A receiver that reads the clock at each truth instead has the jitter of its reading in
-// the motion.
+// A sender computes the stamps: they advance by the same amount as the simulation time, unless the simulation
+// pauses or does not run in real time. If a receiver read the clock at each truth instead, the jitter of the
+// readings would appear in the motion.
 #pragma once
 
 #include <cstddef>
@@ -63,7 +63,7 @@ inline constexpr std::size_t native_acknowledgement_size = 32;
 // Writes a datagram, of version 2 if the truth has a stamp; returns its length, native_truth_size.
 std::size_t encode_native_truth(const Truth& truth, std::span<std::byte, native_truth_size> datagram) noexcept;
 
-// The answer, to either version: `IMUA`, u16 version 1, u16 0, then these, in this order.
+// The answer to a datagram of either version: `IMUA`, u16 version 1, u16 0, then these members in this order.
 struct NativeAcknowledgement {
   std::uint32_t stream = 0;
   std::uint32_t sequence = 0;  // of the truth answered

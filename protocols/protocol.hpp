@@ -21,7 +21,7 @@ namespace imud {
 
 enum class Link : std::uint8_t { bytes, can };  // bytes: serial lines, ptys, UDP, files
 
-// The figures that a unit has of its own errors, because its maker has measured them, or its filter and receivers
+// The figures that a unit itself has for its errors: its maker has measured them, or its filter and receivers
 // estimate them. 0: the unit has no such error.
 struct OwnFigures {
   Matrix3 g_sensitivity = Matrix3::Zero();  // of the gyros, rad/s/(m/s^2)
@@ -38,9 +38,9 @@ inline Vector3 figure_or(const Vector3& figure, const Vector3& otherwise) noexce
 // One emulated product: a pure state machine that turns samples, and bytes of the host, into frames. It has no clock
 // and no port, and allocates nothing after it is made. One thread.
 //
-// Every call carries the time of the sensor's own clock, which runs from the moment it has power, also while there is
-// neither truth nor sample. Times never decrease, except by step_clock(). A device is made with its supply on at time
-// 0.
+// Every call carries the time of the sensor's own clock. The clock runs whenever the sensor has power, even while
+// there is neither truth nor sample. Times never decrease, except by step_clock(). A device is made with its
+// supply on at time 0.
 class Device {
  public:
   virtual ~Device() = default;
@@ -50,8 +50,8 @@ class Device {
   // Appends the frames of one sample (none, one or several) to `out`. The time is sample.time.
   virtual void sample(const Sample& sample, FrameBuffer& out) noexcept = 0;
   // Processes bytes of the host, which come in pieces of any length, or a CAN frame; appends the answers to
-  // `replies`, for the UART at which the bytes came (Frame::uart). Default: ignores them, for a product that has no
-  // receiver.
+  // `replies`, with the UART at which the bytes arrived (Frame::uart). Default: ignores them, for a product that
+  // has no receiver.
   virtual void receive(const Frame& from_host, DeviceTime now, FrameBuffer& replies) noexcept;
   // Returns the time at which poll() must be called next (a step of the start-up, a timeout, a heartbeat), or nullopt
   // if nothing is scheduled. Any other call may change it.
@@ -60,8 +60,8 @@ class Device {
   // sends on its own to `out`. Afterwards deadline() is later than `now`. A deadline at a sample's time is
   // polled before that sample.
   virtual void poll(DeviceTime now, FrameBuffer& out) noexcept;
-  // Reports that the sensor's clock was stepped by `by` (negative: back). The device shifts all times that it stores,
-  // so that no duration changes. Default: does nothing, for a device that stores none.
+  // Reports that the sensor's clock was stepped by `by` (negative: back). The device shifts all times that it
+  // stores, so that no duration changes. Default: does nothing, for a device that stores no times.
   virtual void step_clock(Nanoseconds by) noexcept;
   // Sets the figures that the unit has of its own errors; called once, before all other calls. Default: does nothing,
   // for a product that neither reports such figures nor corrects by them.
@@ -72,26 +72,26 @@ class Device {
   // Returns the product's own figures since it was made, in the order of Protocol::counters. The span stays valid as
   // long as the device. Default: none.
   virtual std::span<const std::uint64_t> counts() const noexcept;
-  // Returns the low-pass filters that the product's settings choose. They run at the product's sample rate and follow
-  // power_on() and receive(). Boxcars have one stage and at most `longest_boxcar` samples. Default: nullopt, for a
-  // product without filters; it is always nullopt, or never.
+  // Returns the low-pass filters that the product's settings choose. They run at the product's sample rate and
+  // follow power_on() and receive(). Boxcars have one stage and at most `longest_boxcar` samples. A device returns
+  // nullopt either always or never. Default: nullopt, for a product without filters.
   static constexpr int longest_boxcar = 256;
   virtual std::optional<SensorFilters> filters() const noexcept;
-  // Returns what the host has asked of the unit's own navigation filter, if the unit has one. It follows power_on()
-  // and receive(); power_on() is no restart of its own. Default: nothing.
+  // Returns what the host has asked of the unit's own navigation filter, if the unit has one. The requests follow
+  // power_on() and receive(); power_on() alone does not request a restart of the filter. Default: no requests.
   virtual NavigationRequests navigation_requests() const noexcept;
 
   // --- The second UART of a product that has two (Protocol::has_second_uart) ---
-  // Connects the second UART: from now on the device also makes the frames that leave there, with Frame::uart 1.
+  // Connects the second UART: from now on the device also makes the frames of that UART, with Frame::uart 1.
   // Default: does nothing.
   virtual void connect_second_uart() noexcept;
-  // Returns its settings, as uart() does. Default: a UartSettings{}.
+  // Returns the settings of the second UART, as uart() does for the first. Default: a UartSettings{}.
   virtual UartSettings second_uart() const noexcept;
 
   // --- Synchronisation pins (Protocol::has_sync_pins) ---
-  // Report a valid edge on the trigger input, or on the pulse-per-second input. `time` is in (last sample, next
-  // sample]; called in order of time, before the next sample. Default: do nothing, for a product without these
-  // inputs.
+  // Report a valid edge on the trigger input, or on the pulse-per-second input. Requires `time` in (last sample,
+  // next sample], and calls in order of time, before the next sample. Default: do nothing, for a product without
+  // these inputs.
   virtual void trigger(DeviceTime time) noexcept;
   virtual void pps(DeviceTime time) noexcept;
   // Returns the pulse on the output pin (time of validity, data ready) that the last sample or poll() causes.
@@ -133,7 +133,7 @@ class MeasurementSink {
 struct DecodeErrors {
   std::uint64_t checksum = 0;       // framed, but the checksum was wrong
   std::uint64_t malformed = 0;      // framed, checksum right or absent, but the content is impossible
-  std::uint64_t incomplete = 0;     // samples of several frames, of which one is missing
+  std::uint64_t incomplete = 0;     // samples sent as several frames, of which at least one is missing
   std::uint64_t skipped_bytes = 0;  // bytes that belong to no good frame
 };
 
@@ -165,8 +165,8 @@ struct CanMessage {
   CanHeader can;
   std::size_t max_size = 0;     // data bytes of its longest frame
   double max_frames_per_s = 0;  // averaged over a second, at the highest load that the settings allow
-  // The address in the identifier is assigned on the bus during the run: no other node has it
-  // then, whatever `can` has.
+  // The address in the identifier is assigned on the bus during the run. No other node has the assigned address,
+  // whatever address `can` holds.
   bool is_assigned = false;
 };
 
@@ -211,11 +211,11 @@ struct Protocol {
   bool sends_some_samples = false;  // the counter counts unsent samples, too, and so advances in steps above 1
   std::uint32_t status_bits = ~0U;  // bits of Sample::status that the wire carries
 
-  bool has_checksum = false;  // every one-bit error of a frame is detected; false: some are not
+  bool has_checksum = false;  // every one-bit error of a frame is detected; false: some one-bit errors are not
   // The longest burst of errors that is always detected, in bits; each byte is counted from its LSB.
   unsigned burst_bits = 0;
-  // Makes the writer of the checks of a unit with these settings; it returns nullptr if no frame of it has one.
-  // nullptr: no frame of any unit has one. Throws as make does.
+  // Makes the seal of a unit with these settings; returns nullptr if no frame of that unit has a check. A null
+  // pointer here: no frame of any unit has a check. Throws as make does.
   std::unique_ptr<FrameSeal> (*make_seal)(const Settings& settings) = nullptr;
 
   bool has_sync_pins = false;                    // Device's trigger(), pps() and pulse()
@@ -224,8 +224,9 @@ struct Protocol {
   std::span<const DeviceCounter> counters = {};  // of Device::counts()
 
   // Set if, and only if, the link is Link::can; both throw as make does. can_messages: every identifier that the
-  // product ever sends with these settings, to compute the bus load and to find two products that use the same;
-  // `rate_hz` is the sample rate. can_filters: the frames that the product receives; empty if it only sends.
+  // product ever sends with these settings, to compute the bus load and to find two products that use the same
+  // identifier; `rate_hz` is the sample rate. can_filters: the frames that the product receives; empty if it only
+  // sends.
   std::vector<CanMessage> (*can_messages)(const Settings& settings, double rate_hz) = nullptr;
   std::vector<CanFilter> (*can_filters)(const Settings& settings) = nullptr;
 
@@ -238,8 +239,8 @@ struct Protocol {
   // Returns the solution that a unit with these settings computes. nullptr: nothing.
   Solves (*solves)(const Settings& settings) = nullptr;
 
-  // Returns the layout of the frames that a unit with these settings sends, as lines for people. Throws as make does.
-  // nullptr: the document has it.
+  // Returns the layout of the frames that a unit with these settings sends, as lines for people. Throws as make
+  // does. nullptr: the product's document gives the layout.
   std::vector<std::string> (*layout)(const Settings& settings) = nullptr;
 
   // Throws std::invalid_argument, whose message is "KEY: ", the fault and the remedy, if a unit cannot
@@ -253,7 +254,8 @@ struct Protocol {
   std::unique_ptr<Decoder> (*make_decoder)(const Settings& settings) = nullptr;
 };
 
-// Returns the writer of the checks of a unit; nullptr if no frame of it has one. Throws as make does.
+// Returns the seal of a unit with these settings; nullptr if no frame of the unit has a check. Throws as make
+// does.
 std::unique_ptr<FrameSeal> make_seal(const Protocol& protocol, const Settings& settings);
 
 // The table, made by the build from the files in protocols/devices, sorted by name.

@@ -17,8 +17,9 @@ struct FrameDescription;  // protocols/frames/frame_description.hpp
 
 using SettingValue = std::variant<bool, std::int64_t, double, std::string, std::vector<std::string>>;
 
-// A setting of a table entry, of the type of `initial`. A number is in [min, max] (if they are equal: finite), a
-// text is one of `choices` (if empty: any); a list's choices are only listed, and its entry checks it.
+// A setting of a table entry, of the type of `initial`. A number must be in [min, max]; if min equals max, any
+// finite number is valid. A text must be one of `choices`; if `choices` is empty, any text is valid. The choices
+// of a list are for display only: the table entry checks a list.
 struct Setting {
   std::string_view key;
   std::string_view help;  // one line, with the unit
@@ -46,7 +47,8 @@ constexpr Setting text_setting(std::string_view key, std::string_view help, std:
                                std::span<const std::string_view> choices = {}) {
   return {key, help, initial, 0, 0, choices};
 }
-// The name of a file, or of a shipped description, of frames. Who sets it reads the file, as protocols read no TOML.
+// The name of a file that describes frames, or of a shipped description. The caller that sets the name also reads
+// the file, because protocols read no TOML.
 constexpr Setting frames_setting(std::string_view key, std::string_view help) {
   return {.key = key, .help = help, .initial = std::string_view(), .names_frames = true};
 }
@@ -68,7 +70,8 @@ class Settings {
   // As set(), from "true", "12", "0x7F", "1.5", "text" or "a,b,c".
   void set_text(std::string_view key, std::string_view text);
 
-  // Gives the content of the file that the setting with Setting::names_frames names. set() of that key removes it.
+  // Sets the content of the file that the setting with Setting::names_frames names. A later set() of that key
+  // removes the content.
   void attach(std::shared_ptr<const FrameDescription> frames) { frames_ = std::move(frames); }
   const std::shared_ptr<const FrameDescription>& frames() const { return frames_; }  // nullptr: none
 
@@ -88,7 +91,7 @@ class Settings {
   std::shared_ptr<const FrameDescription> frames_;
 };
 
-// Makes a T, whose constructor takes the settings: for `make` and `make_decoder` of an entry.
+// Makes a T, whose constructor takes the settings: a function for Protocol::make and Protocol::make_decoder.
 template <class Base, class T>
 std::unique_ptr<Base> make_as(const Settings& settings) {
   return std::make_unique<T>(settings);

@@ -1,4 +1,4 @@
-// The synchronisation pins of a sensor as datagrams: edges are received, pulses are sent.
+// The signals at a sensor's synchronisation pins as datagrams: imud receives edges and sends pulses.
 //
 // | datagram | offset | type | field                                              |
 // |----------|--------|------|----------------------------------------------------|
@@ -6,7 +6,7 @@
 // | pulse    | 0      | i64  | simulation time at which the pulse begins, ns      |
 // |          | 8      | i64  | simulation time at which the pulse ends, ns        |
 //
-// An edge may be a datagram of any other length, which carries no time.
+// A datagram of any other length is also an edge, without a time.
 #pragma once
 
 #include <array>

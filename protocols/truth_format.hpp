@@ -32,13 +32,13 @@ enum class TruthResult : std::uint8_t {
 // The frame N of a format's truths, as far as its settings determine it, and whether they have a rate.
 struct TruthFrame {
   enum class Kind : std::uint8_t {
-    unknown,   // not determined before a header row, or a pose relative to some N
+    unknown,   // not known before a header row, or poses are relative to an unspecified N
     local,     // a local level, at a place that the truth does not have
-    inertial,  // its origin is the Earth's centre; the Earth's angle is not known
+    inertial,  // the origin is the Earth's centre; the Earth's angle is not known
     earth,     // inertial, and each truth has the angle (Truth::earth_angle)
   };
   Kind kind = Kind::unknown;
-  bool has_rate = true;  // false: no truth has one
+  bool has_rate = true;  // false: no truth has a rate
   // rad, earth only: Truth::earth_angle of every truth; nullopt: each truth has its own.
   std::optional<double> angle = std::nullopt;
 };
@@ -51,11 +51,11 @@ enum class TruthInput : std::uint8_t {
 
 // Counters of stream input that yielded no record.
 struct StreamLosses {
-  std::uint64_t too_long = 0;    // records longer than the decoder's buffer
-  std::uint64_t last_lines = 0;  // last lines of files that are whole, but have no line feed: records, all the same
-  std::uint64_t cut_short = 0;   // records that were incomplete when the input ended
-  std::size_t cut_short_by = 0;  // size in bytes of the newest of these, without the lines below
-  std::size_t cut_short_lines = 0;  // whole lines of the newest of these, in a format whose records have several
+  std::uint64_t too_long = 0;       // records longer than the decoder's buffer
+  std::uint64_t last_lines = 0;     // whole last lines of files without a line feed; each is still a record
+  std::uint64_t cut_short = 0;      // records that were incomplete when the input ended
+  std::size_t cut_short_by = 0;     // bytes of the newest cut record, less its whole lines (below)
+  std::size_t cut_short_lines = 0;  // whole lines of the newest cut record, in a format of records of several lines
 };
 
 // Decodes the messages of one simulator, and produces messages for it. A pure state machine: it has no clock and no
@@ -66,7 +66,7 @@ struct StreamLosses {
 // is called; either side may send first. A format whose simulator waits for an answer sets Truth::acknowledge:
 // acknowledge() is called when the samples up to that truth have been sent.
 //
-// Each frame appended to a FrameBuffer is one datagram, or is written to the stream whole.
+// Each frame appended to a FrameBuffer becomes one datagram, or one uninterrupted write to the stream.
 class TruthDecoder {
  public:
   virtual ~TruthDecoder() = default;
@@ -83,9 +83,9 @@ class TruthDecoder {
   // Returns nothing when the input is used up; an unfinished record is kept.
   virtual std::optional<TruthResult> next(Truth& truth) noexcept = 0;
   // Writes a remark on the last record to `room`, for the log: what was expected and what was found, such as the
-  // column that caused a refusal, or the columns of a header row that are not used. Returns its length; 0: there is
-  // none. Call it directly after next() has returned `result`. Before the first feed(), with no_state, the remark is
-  // on the settings. Default: none.
+  // column that caused a refusal, or the columns of a header row that are not used. Returns the length of the
+  // remark; 0: there is no remark. Requires a call directly after next() has returned `result`. Before the first
+  // feed(), a call with no_state writes a remark on the settings. Default: no remark.
   virtual std::size_t describe(TruthResult result, std::span<char> room) const noexcept;
   // Called at most once, when next() has returned nothing at the end of a file, before finish(): a last line without
   // its line feed is decoded by next() if it is whole. Default: does nothing.
@@ -104,11 +104,12 @@ class TruthDecoder {
   // been emitted so far in the run. Default: appends nothing.
   virtual void acknowledge(const Truth& truth, TruthTime used_until, std::uint64_t samples,
                            FrameBuffer& out) noexcept;
-  // Sets the pulse width (us) of a servo, below TruthFormat::servos, in all that is sent to the simulator from now
-  // on. Default: does nothing, for a format without servos.
+  // Sets the pulse width, us, of servo number `servo` in all later messages to the simulator. Requires `servo`
+  // below TruthFormat::servos. Default: does nothing, for a format without servos.
   virtual void set_servo(std::size_t servo, std::uint16_t pulse_us) noexcept;
 
-  // Returns the frame N of its truths, as far as it is known before the first feed(). Default: unknown, with a rate.
+  // Returns the frame N of the decoder's truths, as far as known before the first feed(). Default: unknown, with a
+  // rate.
   virtual TruthFrame frame() const noexcept;
 
   const StreamLosses& losses() const noexcept { return losses_; }
@@ -142,7 +143,7 @@ class DatagramTruthDecoder : public TruthDecoder {
 struct ColumnGroup {
   enum Need : std::uint8_t {
     required,
-    one_of,    // one of the groups that are marked so is required; the first that is present is used
+    one_of,    // at least one of the one_of groups is required; the first group present is used
     optional,  // used if all of its columns are present
   };
   std::span<const std::string_view> names;  // as they are written in the header row
@@ -155,34 +156,34 @@ struct TruthFormat {
   std::string_view name;         // keyword in the configuration: the file's stem with '-' for '_'; nasa_42 is "42"
   std::string_view summary;      // one line
   std::string_view document;     // the document and revision followed
-  bool delimits_itself = false;  // its records are found in a stream or file too; otherwise only in datagrams
+  bool delimits_itself = false;  // records are found in streams and files, too; false: only in datagrams
   bool acknowledges = false;     // acknowledge() sends an answer, so that the simulator can wait for the samples
   std::span<const Setting> settings = {};     // beside `port` and `format` in [truth]
-  std::span<const ColumnGroup> columns = {};  // all that it uses, required ones first; empty: it has no columns
+  std::span<const ColumnGroup> columns = {};  // all used columns, required ones first; empty: none
   // Throws std::invalid_argument if the settings are inconsistent; the message is "KEY: ", then the fault and the
   // remedy.
   std::unique_ptr<TruthDecoder> (*make)(const Settings& settings);
-  // Names the quantities that a simulator has to send so that the truth has a specific force or an accumulated
-  // velocity, in its own words.
+  // Names, in the simulator's own words, the quantities that a simulator has to send so that the truth has a
+  // specific force or an accumulated velocity.
   std::string_view force_from = {};
   // The setting `columns` takes the quantities of protocols/quantities/truth_quantities.hpp.
   bool maps_quantities = false;
-  // Its truths may lack rate or specific force, which are then derived from the poses (core/pose/pose_fit.hpp) unless
-  // the configuration says otherwise. A format without this always gives the rate.
+  // The format's truths may lack rate or specific force. Both are then derived from the poses
+  // (core/pose/pose_fit.hpp) unless the configuration says otherwise. A format without this always gives the rate.
   bool derives = false;
   // How many servos TruthDecoder::set_servo() can set.
   std::size_t servos = 0;
-  // The way by which its records usually come: the port of an example configuration.
+  // The usual transport of the format's records, for the port of an example configuration.
   enum class Way : std::uint8_t {
     datagrams,
     connection,  // as a stream
     file,
   };
   Way way = Way::datagrams;
-  // The address of that port, after the transport's name. A format that sends first needs its simulator's. Empty:
-  // any.
+  // The address of the example port, after the transport's name. A format that sends first needs the simulator's
+  // address here. Empty: any address will do.
   std::string_view example_port = {};
-  // Name the quantities of a position and of a velocity, in a format whose simulator may leave these out. Empty:
+  // The simulator's names for the position and for the velocity, in a format whose simulator may omit them. Empty:
   // "positions", "velocities".
   std::string_view position_from = {}, velocity_from = {};
 };
