@@ -17,8 +17,8 @@ class CommandReader {
  public:
   static constexpr Nanoseconds timeout = std::chrono::seconds(1);
 
-  // Calls `act(std::string_view)` with each line that is not empty, without its end, and `overflow()` at the end of
-  // each line that is too long. `now` does not decrease, except by step_clock().
+  // Calls `act(std::string_view)` with each line that is not empty, without the line end, and `overflow()` at the
+  // end of each line that is too long. Requires a `now` that never decreases, except by step_clock().
   template <class Act, class Overflow>
   void feed(std::span<const std::byte> bytes, DeviceTime now, Act&& act, Overflow&& overflow) {
     if (now - last_ > timeout) lines_.drop_line();

@@ -1,4 +1,4 @@
-// CRCs by parameters, and the CRC catalogue's algorithms by their names.
+// Crc: computes a CRC from its parameters. find_crc(): finds an algorithm of the CRC catalogue by its name.
 #pragma once
 
 #include <array>

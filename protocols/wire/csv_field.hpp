@@ -6,7 +6,7 @@
 
 namespace imud {
 
-// Appends the text as a field of CSV, in quotes where it needs them (RFC 4180).
+// Appends `text` as a CSV field, in quotes where RFC 4180 requires quotes.
 inline void append_csv_field(std::string& row, std::string_view text) {
   if (text.find_first_of(",\"\r\n") == text.npos) {
     row += text;
@@ -17,7 +17,7 @@ inline void append_csv_field(std::string& row, std::string_view text) {
   row += '"';
 }
 
-// Returns the text as such a field.
+// Returns `text` as a CSV field, quoted as by append_csv_field().
 inline std::string csv_field(std::string_view text) {
   std::string field;
   append_csv_field(field, text);

@@ -1,4 +1,4 @@
-// Deadlines: the times at which a device acts on its own, one for each of its reasons.
+// Deadlines: the times at which a device acts without input. Each reason to act has its own deadline.
 #pragma once
 
 #include <array>
@@ -9,13 +9,13 @@
 
 namespace imud {
 
-// Returns the earlier of two times; nullopt stands for one that is not scheduled.
+// Returns the earlier of two times; nullopt stands for a time that is not scheduled.
 constexpr std::optional<DeviceTime> earlier(std::optional<DeviceTime> a, std::optional<DeviceTime> b) noexcept {
   return !b || (a && *a < *b) ? a : b;
 }
 
-// `Reason` is an enumeration from 0 whose last enumerator, `count`, is the number of reasons. At most one deadline is
-// scheduled for each. Allocates nothing. One thread.
+// `Reason` is an enumeration from 0 whose last enumerator, `count`, is the number of reasons. At most one deadline
+// is scheduled for each reason. Allocates nothing. One thread.
 template <class Reason>
 class Deadlines {
  public:
@@ -32,10 +32,10 @@ class Deadlines {
   }
   struct Due {
     Reason reason;
-    DeviceTime time;  // that was scheduled
+    DeviceTime time;  // the scheduled time
   };
-  // Removes and returns the earliest deadline up to `now`; of equal ones, the first in the order of the enumeration.
-  // Returns nullopt if there is none.
+  // Removes and returns the earliest deadline up to `now`; of equal deadlines, the first in the order of the
+  // enumeration. Returns nullopt if no deadline is due.
   std::optional<Due> take(DeviceTime now) noexcept {
     const std::size_t first = earliest();
     if (first == size || *times_[first] > now) return std::nullopt;

@@ -15,8 +15,8 @@
 
 namespace imud {
 
-// Writes one frame of at most `longest` bytes into a FrameBuffer; a number that does not fit is left out. Integers
-// are as wide as their type. Allocates nothing.
+// Writes one frame of at most `longest` bytes into a FrameBuffer; a number that does not fit is omitted. An
+// integer takes sizeof(its type) bytes. Allocates nothing.
 template <boost::endian::order Order>
 class FrameWriter {
  public:
@@ -61,7 +61,7 @@ class FrameWriter {
 
   std::size_t size() const noexcept { return size_; }
   std::span<const std::byte> written() const noexcept { return room_.first(size_); }
-  // Completes the frame, if it is not empty. `uart`: Frame::uart.
+  // Appends the frame to the FrameBuffer, unless the frame is empty. `uart`: Frame::uart.
   void push(std::uint8_t uart = 0) noexcept {
     if (size_ > 0) out_.push(size_, {}, uart);
   }
@@ -105,7 +105,7 @@ class FieldReader {
     return vector;
   }
   bool is_whole() const noexcept { return is_whole_; }                  // no read lacked bytes
-  bool is_done() const noexcept { return is_whole_ && rest_.empty(); }  // is_whole(), and no byte is left
+  bool is_done() const noexcept { return is_whole_ && rest_.empty(); }  // is_whole(), and all bytes are read
 
  private:
   std::span<const std::byte> rest_;

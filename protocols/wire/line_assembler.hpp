@@ -26,8 +26,8 @@ class LineAssembler {
     bool is_too_long() const noexcept { return size > Max; }
   };
 
-  // Each character of `ends`, which must outlive this, ends a line. If CR and LF both do, CR LF ends a line and then
-  // an empty one.
+  // Each character of `ends` ends a line; `ends` must outlive this object. If CR and LF are both in `ends`, CR LF
+  // ends one line and then a second, empty line.
   explicit LineAssembler(std::string_view ends = "\n") : ends_(ends) {}
 
   // Sets the next piece, which must stay valid until next() has returned nothing.
@@ -50,7 +50,8 @@ class LineAssembler {
 
   // Returns the size of the unfinished line.
   std::size_t size() const noexcept { return size_; }
-  // Ends the unfinished line, as the end of a datagram does, and returns it. It is valid until the next call.
+  // Ends the unfinished line, for example at the end of a datagram, and returns the line. The line is valid until
+  // the next call.
   Line finish_line() noexcept {
     const std::size_t size = std::exchange(size_, 0);
     return {{held_.data(), std::min(size, Max)}, size};

@@ -71,20 +71,20 @@ struct MessageChecksum {
   bool is_upper_half = false;                  // of a checksum of 4 bits: its place in its byte
 
   unsigned bits() const noexcept;
-  std::size_t size() const noexcept { return bits() > 8 ? 2 : 1; }  // bytes, of which it has at least a part
-  // Adds to `start` the profile's inputs from the message beside its bytes: identifier and size. Called once.
+  std::size_t size() const noexcept { return bits() > 8 ? 2 : 1; }  // bytes that hold bits of the checksum
+  // Adds the profile's inputs other than the message bytes, identifier and size, to `start`. To be called once.
   void begin_with(std::uint32_t id, bool extended, std::size_t message_size) noexcept;
   // The number of values of the counter; 0: as many as its field holds.
   unsigned counter_values() const noexcept;
 
-  // Returns the checksum of a message whose own begins in the byte `at`, and is left out. `counter` is
-  // the message's counter.
+  // Returns the checksum of `message`. The checksum field begins in byte `at`, and its bits are excluded.
+  // `counter` is the value of the message's alive counter.
   std::uint16_t of(std::span<const std::byte> message, std::size_t at, unsigned counter) const noexcept;
 };
 
 // Reads "j1850", "h2f", "e2e_p01:ID[:MODE]", "e2e_p02:32 hexadecimal digits", "e2e_p05:ID", "e2e_p11:ID[:MODE]",
-// "sum[:START]", "xor[:START]", "psa[:START]", "toyota", "subaru", "tesla" or "honda". nullopt if the text is no
-// such.
+// "sum[:START]", "xor[:START]", "psa[:START]", "toyota", "subaru", "tesla" or "honda". Returns nullopt for any
+// other text.
 std::optional<MessageChecksum> parse_checksum(std::string_view text) noexcept;
 inline constexpr std::string_view checksum_syntax =
     "j1850, h2f, e2e_p01:ID:MODE (both, low, alt, nibble), e2e_p02:IDS (16 bytes in hexadecimal), e2e_p05:ID, "

@@ -1,4 +1,4 @@
-// Parses numbers in texts, which hosts, users and files give.
+// Parses numbers in the text of hosts, users and files.
 #pragma once
 
 #include <charconv>
@@ -24,14 +24,14 @@ std::optional<Number> number_in(std::string_view text, int radix = 10) noexcept 
   if (result.ec != std::errc() || result.ptr != end) return std::nullopt;
   return number;
 }
-// The same for an integer, which has hexadecimal digits after "0x" or "0X".
+// As number_in(), for an integer that is decimal, or hexadecimal after a prefix "0x" or "0X".
 template <class Number>
 std::optional<Number> number_or_hex_in(std::string_view text) noexcept {
   const bool is_hexadecimal = text.starts_with("0x") || text.starts_with("0X");
   return number_in<Number>(text.substr(is_hexadecimal ? 2 : 0), is_hexadecimal ? 16 : 10);
 }
-// Parses two integers with `between` in the middle, such as "1..7". Returns nullopt for another text, and if the
-// second one is smaller.
+// Parses two integers separated by `between`, such as "1..7". Returns nullopt for any other text, or if the second
+// integer is less than the first.
 template <std::integral Number>
 std::optional<std::pair<Number, Number>> range_in(std::string_view text, std::string_view between) noexcept {
   const std::size_t at = text.find(between);

@@ -16,9 +16,9 @@ namespace imud {
 // hides a good record. Only the constructor allocates. One thread.
 class RecordSearch {
  public:
-  // A parser is a std::size_t(std::span<const std::byte> held); `held` has at least one byte. It returns the length
-  // of the record that `held` begins with, `reject` if none begins there, or `need_more` if one may, but bytes are
-  // missing.
+  // A parser is a std::size_t(std::span<const std::byte> held); `held` has at least one byte. The parser returns
+  // the length of the record at the begin of `held`, `reject` if no record begins there, or `need_more` if a
+  // record may begin there, but bytes are missing.
   static constexpr std::size_t reject = 0;
   static constexpr std::size_t need_more = ~std::size_t{0};
 
@@ -26,11 +26,11 @@ class RecordSearch {
 
   // Sets the next bytes, which must stay valid until next() has returned nothing.
   void feed(std::span<const std::byte> bytes) noexcept { rest_ = bytes; }
-  // Returns whether the parser sees all bytes that have been fed.
+  // Returns true if the parser sees all bytes that have been fed.
   bool sees_all() const noexcept { return rest_.empty(); }
 
-  // Returns the next record, valid until the next call; an empty span where bytes begin that belong to no record;
-  // nothing when the input is used up.
+  // Returns the next record, valid until the next call. Returns an empty span once for each run of bytes that
+  // belong to no record. Returns nullopt when the input is used up.
   template <class Parser>
   std::optional<std::span<const std::byte>> next(Parser&& parse) noexcept {
     for (;;) {
@@ -50,7 +50,7 @@ class RecordSearch {
     }
   }
 
-  // Ends the input: discards the held bytes, a record's begin at most, and returns their number.
+  // Ends the input: discards the held bytes, which are at most an incomplete record, and returns their number.
   std::size_t finish() noexcept {
     is_lost_ = false;
     rest_ = {};

@@ -18,7 +18,7 @@ namespace imud {
 template <class T>
 concept WireLayout = std::is_trivially_copyable_v<T> && std::is_standard_layout_v<T> && alignof(T) == 1;
 
-// Both: `bytes` has at least sizeof(T) elements.
+// read_wire() and write_wire() require at least sizeof(T) elements in `bytes`.
 template <WireLayout T>
 T read_wire(std::span<const std::byte> bytes) noexcept {
   T wire;
@@ -31,7 +31,7 @@ void write_wire(const T& wire, std::span<std::byte> bytes) noexcept {
   std::memcpy(bytes.data(), &wire, sizeof(T));
 }
 
-// Both: a little-endian number of at most 8 bytes.
+// Read and write a little-endian number of bytes.size() bytes. Both require at most 8 bytes.
 inline std::uint64_t read_little(std::span<const std::byte> bytes) noexcept {
   std::uint64_t number = 0;
   for (std::size_t i = bytes.size(); i > 0; --i) number = number << 8 | std::to_integer<std::uint64_t>(bytes[i - 1]);
@@ -49,8 +49,8 @@ inline float to_float(double value) noexcept {
   return static_cast<float>(std::clamp(value, -double{FLT_MAX}, double{FLT_MAX}));
 }
 
-// Returns the nearest integer, a half away from zero, as std::llround() does in ten times the instructions. The
-// integer must fit.
+// Returns the nearest integer; halves are rounded away from zero. Same result as std::llround(), which takes ten
+// times the instructions. Requires a result within the range of std::int64_t.
 constexpr std::int64_t to_integer(double value) noexcept {
   const auto whole = static_cast<std::int64_t>(value);
   const double rest = value - static_cast<double>(whole);  // exact

@@ -1,4 +1,4 @@
-// WrappingTime: a simulator's time from a counter that begins again at zero.
+// WrappingTime: a simulator's time from a counter that wraps to zero.
 #pragma once
 
 #include <cstdint>
@@ -7,15 +7,15 @@
 
 namespace imud {
 
-// Counts the rounds of a counter. A step of less than a minute in either direction continues the time, over the end
-// of the counter, too, so that reordered records get their own time; after any other step backwards the simulator is
-// taken as restarted, in the first round. Allocates nothing. One thread.
+// Counts the wraps of a counter. A step of less than a minute in either direction continues the time, even across
+// a wrap, so that reordered records keep their own times. After any other step backwards the simulator is assumed
+// to have restarted, with no wrap yet. Allocates nothing. One thread.
 class WrappingTime {
  public:
-  // `modulus`: the time of one round, ns.
+  // `modulus`: the time from wrap to wrap, ns.
   explicit WrappingTime(std::int64_t modulus) noexcept : modulus_(modulus) {}
 
-  // Returns the time, ns, at which the counter is at `ns`.
+  // Returns the time, ns, for a counter reading of `ns`.
   std::int64_t of(std::int64_t ns) noexcept {
     constexpr std::int64_t most_step = 60'000'000'000;
     if (last_) {
