@@ -1,5 +1,5 @@
-// Columns: rows of text in columns, separated by commas, semicolons or tabs, and the base class of truth formats made
-// of such rows.
+// Columns: finds fields in rows of text whose columns are separated by commas, semicolons or tabs.
+// ColumnTruthDecoder: the base class of truth formats whose records are such rows.
 #pragma once
 
 #include <array>
@@ -14,9 +14,9 @@
 
 namespace imud {
 
-// Returns `text` without blanks, tabs, CR and LF at both ends.
+// Returns `text` without leading and trailing blanks, tabs, CR and LF.
 std::string_view trim(std::string_view text) noexcept;
-// Returns `line` without blanks, CR and LF at both ends; tabs stay.
+// Returns `line` without leading and trailing blanks, CR and LF; tabs stay.
 std::string_view without_blanks(std::string_view line) noexcept;
 
 // Returns `field` trimmed, without the quotes that spreadsheets write around it; blanks inside the quotes are
@@ -30,8 +30,8 @@ std::string_view take_field(std::string_view& row, char delimiter = ',') noexcep
 // Returns the delimiter of a header row: its most frequent character among comma, semicolon and tab.
 char delimiter_of(std::string_view header) noexcept;
 
-// Parse the whole of `field`. Surrounding blanks and one leading '+' are allowed; parse_real() accepts NaN and
-// infinity, too. Return nullopt if the field is not a number, or out of the type's range.
+// Both parse the whole of `field`. Surrounding blanks and one leading '+' are allowed; parse_real() accepts NaN
+// and infinity, too. Both return nullopt if the field is not a number, or out of the type's range.
 std::optional<double> parse_real(std::string_view field) noexcept;
 std::optional<std::int64_t> parse_integer(std::string_view field) noexcept;
 
@@ -43,34 +43,36 @@ class Columns {
   static constexpr std::size_t max_columns = 256;
 
   // `same(given, wanted)` returns true if `given`, an unquoted name of the header, means the wanted name. `wanted`
-  // must outlive this; more than max_wanted names throw std::logic_error.
+  // must outlive this object. The constructor throws std::logic_error for more than max_wanted names.
   using Same = bool (*)(std::string_view given, std::string_view wanted);
   Columns(std::span<const std::string_view> wanted, Same same);
 
-  // Sets the names of the columns, in order, and the delimiter: from the header row, or a comma. Returns
-  // false, and forgets all columns, if there are more than max_columns. Of two columns with the same
-  // name, the first is used.
+  // Sets the names of the columns, in order, and the delimiter: the delimiter of the header row, or a comma for a
+  // list of names. Returns false, and forgets all columns, if there are more than max_columns columns. Of two
+  // columns with the same name, the first is used.
   bool set(std::string_view header) noexcept;
   bool set(std::span<const std::string> names) noexcept;
 
   std::span<const std::string_view> wanted() const noexcept { return wanted_; }
   std::string_view name(std::size_t wanted) const noexcept { return wanted_[wanted]; }
-  // Returns the index of the wanted name that `name`, a field of a header row, means; wanted().size() if it is none.
+  // Returns the index of the wanted name that `name`, a field of a header row, means; wanted().size() if `name`
+  // means no wanted name.
   std::size_t find(std::string_view name) const noexcept;
-  // The number of columns; 0 if they are not known.
+  // The number of columns; 0 if the columns are not known.
   std::size_t count() const noexcept { return count_; }
   char delimiter() const noexcept { return delimiter_; }
   // Returns true if the `count` wanted columns from index `first` on are all present.
   bool has(std::size_t first, std::size_t count = 1) const noexcept;
 
-  // Returns the index of the wanted name of a column, below count(); wanted().size() or more if it is none.
+  // Returns the index of the wanted name of a column; wanted().size() or more if the column is not wanted.
+  // Requires `column` below count().
   std::size_t wanted_at(std::size_t column) const noexcept { return wanted_at_[column]; }
 
   // Splits a row into fields, which are views into `row`. Returns ok, too_short or too_long.
   TruthResult split(std::string_view row) noexcept;
 
-  // The field of a wanted column, which must be present (has()), in the row that was split last, with its blanks and
-  // quotes.
+  // The field of a wanted column in the row that was split last, with its blanks and quotes. Requires that the
+  // column is present (has()).
   std::string_view field(std::size_t wanted) const noexcept { return fields_[wanted]; }
 
  private:
@@ -97,9 +99,9 @@ inline constexpr Setting columns_setting = list_setting("columns",
 // The wanted columns of a truth format.
 struct ColumnNames {
   std::span<const std::string_view> names;
-  std::span<const std::string_view> quantities;  // of the names, with their units (truth_quantities.hpp)
+  std::span<const std::string_view> quantities;  // one for each name, with its unit (truth_quantities.hpp)
   std::span<const ColumnGroup> groups;           // of the names, in their order, required ones first
-  std::string_view summary;                      // of all that is required, for people
+  std::string_view summary;                      // all required columns, as text for people
 
   // The number of required names.
   constexpr std::size_t required() const {
@@ -127,8 +129,8 @@ class ColumnTruthDecoder : public LineTruthDecoder {
   TruthResult decode(std::string_view line, Truth& truth) noexcept final;
 
  private:
-  // Returns the kind of `row`, which has no blanks at its ends and is not empty. Removes from a header row all but
-  // the column names.
+  // Returns the kind of `row`. Requires a row that is not empty and has no leading or trailing blanks. Reduces a
+  // header row to its column names.
   virtual Kind kind(std::string_view& row) const noexcept = 0;
 
   bool choose() noexcept;

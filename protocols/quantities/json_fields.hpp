@@ -11,29 +11,29 @@
 
 namespace imud {
 
-// Reads a JSON object (RFC 8259) and the values at given paths in it. A path is names with dots between them, an
-// array's elements counted from 0: "imu.gyro.2". A name is compared as it is written, so that one with an escape
-// matches nothing. If an object has a name twice, the last value is used. Without paths, the names at the top
-// level are quantities' names.
+// Reads a JSON object (RFC 8259) and the values at given paths in it. A path is a sequence of names separated by
+// dots; the elements of an array are numbered from 0: "imu.gyro.2". Names are compared without decoding escapes,
+// so that a name with an escape matches nothing. If an object has a name twice, the last value is used. Without
+// paths, the names at the top level must be names of quantities.
 //
 // read() allocates nothing. One thread.
 class JsonFields {
  public:
-  static constexpr std::size_t max_depth = 32;  // objects and arrays in one another
+  static constexpr std::size_t max_depth = 32;  // nested objects and arrays
 
   JsonFields() : JsonFields(TruthMap{}) {}
-  // Throws std::invalid_argument, "columns: ...", if a path is used twice, or goes on beyond the value of another.
+  // Throws std::invalid_argument, "columns: ...", if two paths are equal, or one path is the begin of another.
   explicit JsonFields(TruthMap map);
   JsonFields(JsonFields&&) noexcept = default;
   JsonFields(const JsonFields&) = delete;
 
   enum class Outcome : std::uint8_t {
-    whole,   // an object; what follows it is left
+    whole,   // an object; text after the object is not read
     cut,     // the text ends before the object does
-    faulty,  // no object, or no JSON; position() is where
+    faulty,  // no object, or no JSON; position() is the place of the fault
     refused  // an object with a value that refused() describes
   };
-  // Reads the object at the begin of `text`, which may have blanks before it.
+  // Reads the object at the begin of `text`; blanks before the object are allowed.
   Outcome read(std::string_view text, TruthReading& reading) noexcept;
   // The quantities of the last object.
   const QuantitySet& given() const noexcept { return given_; }
@@ -45,7 +45,7 @@ class JsonFields {
     std::size_t quantity = 0;
     std::string_view value;  // as it is written
   };
-  // The first value of the last object that is not as it should be.
+  // The first refused value of the last object.
   const Refused& refused() const noexcept { return refused_; }
   const TruthMap& map() const noexcept { return map_; }
 

@@ -13,8 +13,8 @@ namespace imud {
 // several lines, and further objects may follow, each on a line of its own; blank lines around them are not records.
 class JsonTruthDecoder : public LineTruthDecoder {
  public:
-  // An object must have the `required` quantities. An empty map: the names at the top level are quantities. `frame`:
-  // see frame(). Throws std::invalid_argument, "columns: ...".
+  // Each object must have the `required` quantities. If `map` is empty, the names at the top level must be names
+  // of quantities. `frame`: the result of frame(). Throws std::invalid_argument, "columns: ...".
   JsonTruthDecoder(TruthMap map, const QuantitySet& required, const TruthAssembly::Axes& axes, TruthFrame frame = {});
 
   void feed(std::span<const std::byte> bytes, TruthInput input, HostTime arrival) noexcept override;
@@ -24,7 +24,7 @@ class JsonTruthDecoder : public LineTruthDecoder {
   void finish() noexcept override;
 
  private:
-  // Returns the quantities of an object that make its truth. Default: all that it has.
+  // Returns the quantities from which the truth of an object is made. Default: all quantities of the object.
   virtual QuantitySet chosen(const QuantitySet& given) const noexcept { return given; }
 
   TruthResult decode(std::string_view line, Truth& truth) noexcept final;

@@ -1,5 +1,5 @@
-// Key units: the units in which keys, columns and signals give a number, as a name ends: "_deg_per_s" of
-// "p_deg_per_s". They are the same for truth, for what a sensor measures, for its errors and for its faults.
+// Key units: the suffix of the name of a key, column or signal is the unit of its number: "_deg_per_s" in
+// "p_deg_per_s". The suffixes are the same for truth and for a sensor's measurements, errors and faults.
 #pragma once
 
 #include <cstddef>
@@ -21,7 +21,7 @@ namespace key_units {
 inline constexpr double deg = units::degree, foot = units::foot, standard_gravity = units::standard_gravity;
 inline constexpr double nautical_mile = 1852, mile = 1609.344, hour = 3600, inch_of_mercury = 3386.389;
 inline constexpr double zero_celsius = 273.15;
-// The "arbitrary unit" of magnetometers, about the Earth's field; an assumption. T
+// T. The "arbitrary unit" of magnetometers is assumed to be about the Earth's field.
 inline constexpr double arbitrary_field = 50e-6;
 
 inline constexpr KeyUnit time[] = {{"_s", 1, 0, 9}, {"_ms", 1e-3, 0, 6}, {"_us", 1e-6, 0, 3}, {"_ns", 1e-9, 0, 0}};

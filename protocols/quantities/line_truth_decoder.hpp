@@ -10,12 +10,12 @@
 
 namespace imud {
 
-// A record ends with a line feed. The last record of a datagram needs none, and an empty datagram is one empty
-// record. In a stream a record without its line feed is incomplete, unless it is the last of a file and has all that
-// a record needs.
+// A record ends with a line feed. The last record of a datagram needs no line feed, and an empty datagram is one
+// empty record. In a stream a record without its line feed is incomplete, unless the record is the last of a file
+// and decode() returns ok.
 class LineTruthDecoder : public TruthDecoder {
  public:
-  // In characters; no datagram is as long. A longer line of a stream is dropped and counted.
+  // The longest line, in characters; longer than any datagram. A longer line of a stream is dropped and counted.
   static constexpr std::size_t max_line = 65536;
 
   void feed(std::span<const std::byte> bytes, TruthInput input, HostTime arrival) noexcept override;
@@ -27,8 +27,8 @@ class LineTruthDecoder : public TruthDecoder {
   std::optional<TruthResult> decode_last(Truth& truth) noexcept;
   // Decodes one line, given without its line feed; returns as next() does.
   virtual TruthResult decode(std::string_view line, Truth& truth) noexcept = 0;
-  // Returns true if the last line of a file, with this result of decode(), is an incomplete record. Default: unless
-  // it carries no state.
+  // Returns true if the last line of a file is an incomplete record. `result`: the result of decode() for that
+  // line. Default: true, unless the line carries no state.
   virtual bool is_cut_short(TruthResult result) const noexcept { return result != TruthResult::no_state; }
 
   LineAssembler<max_line> lines_;

@@ -10,10 +10,10 @@
 
 namespace imud {
 
-// Columns are separated by commas, semicolons or tabs, or if a row has none of them, by blanks. A byte order mark
-// (UTF-8) before a row is ignored, and so are quotes around a field. A row that begins with '#' is a remark, unless
-// the rest of it is a header row. A later header row replaces the former. Makes truths without allocation. One
-// thread.
+// Columns are separated by commas, semicolons or tabs; in a row without these characters, by blanks. A byte order
+// mark (UTF-8) before a row is ignored, and so are quotes around a field. A row that begins with '#' is a remark,
+// unless the text after the '#' is a header row. A later header row replaces the former. decode() allocates
+// nothing. One thread.
 class MappedColumns {
  public:
   static constexpr std::size_t max_columns = 256;
@@ -49,11 +49,11 @@ class MappedColumns {
   TruthResult read(std::string_view row) noexcept;
   void describe_header(RemarkWriter& out) const noexcept;
 
-  TruthMap map_;  // empty: the names are quantities' own
+  TruthMap map_;  // empty: the header row has names of quantities
   TruthAssembly::Axes axes_;
   bool is_by_number_ = false;
   std::array<Column, max_columns> columns_ = {};
-  std::size_t count_ = 0;  // of the columns; 0: they are not known
+  std::size_t count_ = 0;  // of the columns; 0: the columns are not known
   char delimiter_ = ',';
   TruthReading reading_;
   TruthAssembly assembly_;
@@ -66,7 +66,7 @@ class MappedColumns {
   std::size_t fault_size_ = 0;
 };
 
-// A truth format whose records are such rows.
+// A truth format whose records are rows for MappedColumns.
 class MappedColumnDecoder : public LineTruthDecoder {
  public:
   explicit MappedColumnDecoder(MappedColumns columns) : columns_(std::move(columns)) {}

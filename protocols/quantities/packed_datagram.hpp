@@ -1,4 +1,4 @@
-// PackedDatagramDecoder: truth formats whose datagrams are all of one PackedLayout.
+// PackedDatagramDecoder: truth formats whose datagrams all have the same PackedLayout.
 #pragma once
 
 #include <utility>

@@ -1,4 +1,4 @@
-// PackedTruth: Truths from the records of a PackedLayout.
+// PackedTruth: converts records of a PackedLayout to Truths.
 #pragma once
 
 #include <optional>
@@ -11,18 +11,18 @@
 
 namespace imud {
 
-// The setting of formats whose records may have no usable time.
+// The setting `time` of formats whose records may lack a usable time.
 inline constexpr std::string_view time_choices[] = {"field", "arrival"};
 inline constexpr Setting time_setting =
     text_setting("time", "where a truth's time comes from: the record, or its arrival, counted from the first",
                  "field", time_choices);
 
-// Reads a record, continues a time that wraps, and assembles the Truth. The constructor may throw. One thread.
+// Reads a record, unwraps its time, and assembles the Truth. The constructor may throw. One thread.
 class PackedTruth {
  public:
-  // `has_time`: the layout's own time is used; otherwise it has none, and a record's time is its arrival, less the
-  // first one's. Throws
-  // std::invalid_argument, as PackedLayout and TruthAssembly do.
+  // `has_time`: true if the layout has a time, which is then used; false if the layout has no time: the time of a
+  // record is then its arrival, relative to the first record's arrival. Throws std::invalid_argument, as
+  // PackedLayout and TruthAssembly do.
   PackedTruth(PackedLayout layout, const TruthAssembly::Axes& axes, bool has_time = true)
       : layout_(std::move(layout)), assembly_(given(layout_, has_time), axes) {
     if (layout_.time_modulus()) wrapping_.emplace(*layout_.time_modulus());
@@ -36,7 +36,7 @@ class PackedTruth {
     if (!first_arrival_) first_arrival_ = arrival;
     return convert_at(record, (arrival - *first_arrival_).count(), truth);
   }
-  // The same, with a time, ns, that takes the place of the arrival's.
+  // As convert(), with `ns` in place of the time of arrival.
   TruthResult convert_at(std::span<const std::byte> record, std::int64_t ns, Truth& truth) noexcept {
     if (!layout_.given()[time_ns_.quantity]) (void)reading_.set(time_ns_, ns);
     if (const TruthResult result = layout_.read(record, reading_); result != TruthResult::ok) return result;

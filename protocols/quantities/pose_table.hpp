@@ -8,7 +8,7 @@
 
 namespace imud {
 
-// The setting `columns` of such a format: another order.
+// The setting `columns` of a pose table replaces the format's order of columns.
 inline constexpr Setting column_order_setting = list_setting(
     "columns",
     "quantities of the columns in their order, if it is another one: time_s, q_NB_w, ...; _ is not used, a "
@@ -18,7 +18,8 @@ inline constexpr Setting world_setting =
     text_setting(level_setting.key, "axes of the world: \"enu\" if its z axis points up, \"ned\" if it points down",
                  "enu", level_choices);
 
-// Makes the decoder of rows with the columns of the setting, or with these. Throws as MappedColumns does.
+// Makes the decoder of rows with the columns of the setting `columns`, or if the setting is empty, with `columns`.
+// Throws as MappedColumns does.
 inline std::unique_ptr<TruthDecoder> make_pose_table(const Settings& settings,
                                                      std::span<const std::string_view> columns) {
   const std::vector<std::string>& order = settings.list(column_order_setting.key);

@@ -1,4 +1,4 @@
-// RemarkWriter: writes a text for people where nothing may be allocated.
+// RemarkWriter: writes text for people without allocation.
 #pragma once
 
 #include <algorithm>
@@ -11,7 +11,8 @@
 
 namespace imud {
 
-// Appends to a buffer of fixed size. A text that is too long for it ends in "...". Allocates nothing. One thread.
+// Appends to a buffer of fixed size. A text that is too long for the buffer ends in "...". Allocates nothing. One
+// thread.
 class RemarkWriter {
  public:
   explicit RemarkWriter(std::span<char> room) noexcept : room_(room) {}
@@ -28,8 +29,8 @@ class RemarkWriter {
     char text[32];
     return *this << std::string_view(text, std::to_chars(text, std::end(text), number).ptr);
   }
-  // Appends the first characters of a foreign text in quotes. A byte that is no printable ASCII character becomes
-  // '?'.
+  // Appends the first `most` characters of `text`, which may come from outside imud, in quotes. A byte that is no
+  // printable ASCII character becomes '?'.
   RemarkWriter& quote(std::string_view text, std::size_t most = 120) noexcept {
     *this << "\"";
     for (const char c : text.substr(0, most)) *this << (c >= ' ' && c <= '~' ? std::string_view(&c, 1) : "?");

@@ -1,4 +1,4 @@
-// TruthAssembly: a Truth from the quantities that a simulator gives.
+// TruthAssembly: assembles a Truth from the quantities that a simulator gives.
 #pragma once
 
 #include <array>
@@ -33,33 +33,33 @@ inline constexpr Setting accumulated_dv_setting = text_setting(
 // Returns the largest magnitude of the numbers of a field, in its unit.
 double largest_of(const TruthField& field) noexcept;
 
-// Makes Truths, in B front-right-down. N is inertial where the quantities have a place on the Earth, an attitude
-// relative to it, or `earth_angle`: its origin is the Earth's centre, its z axis the axis of rotation, and unless
-// `earth_angle` is given it coincides with E at truth time 0. Elsewhere N is the local level, north-east-down, and
-// the Earth does not turn; gravity is then 9.80665 m/s^2.
+// Makes Truths, in B front-right-down. N is inertial if the quantities include a place on the Earth, an attitude
+// relative to the Earth, or `earth_angle`. The origin of an inertial N is the Earth's centre, and its z axis is
+// the axis of rotation; unless `earth_angle` is given, N coincides with E at truth time 0. Otherwise N is the
+// local level, north-east-down, the Earth does not turn, and gravity is 9.80665 m/s^2.
 //
-// Time: where N is inertial, a time since 1970, 1980 or the begin of a day is counted from the first truth. A time of
-// day without a day goes on over midnight.
-// Attitude: where only the rate is given, it is integrated, from the axes of N on.
+// Time: where N is inertial, a time since 1970, 1980 or the begin of a day is counted from the first truth. A time
+// of day without a date continues past midnight. Attitude: where only the rate is given, the rate is integrated,
+// starting from the axes of N.
 //
 // The constructor may throw; convert() allocates nothing. One thread.
 class TruthAssembly {
  public:
   struct Axes {
-    bool is_enu = false;  // east-north-up: the local level, and N where that is the local level
-    bool is_flu = false;  // front-left-up: the body axes
+    bool is_enu = false;  // the local level is east-north-up, and so is N where N is the local level
+    bool is_flu = false;  // the body axes are front-left-up
     AccumulatedDv accumulated_dv = AccumulatedDv::inertial;
   };
   static Axes axes(const Settings& settings);
-  // Returns what accumulated_dv_setting is set to.
+  // Returns the value of accumulated_dv_setting.
   static AccumulatedDv accumulation(const Settings& settings);
 
-  TruthAssembly() = default;  // of which no other function may be called
+  TruthAssembly() = default;  // no other function may be called on such an object
   // `given`: the quantities that every reading has. Throws std::invalid_argument, whose message names repeated or
-  // missing quantities. Quantities of an incomplete group are errors, too.
+  // missing quantities. Incomplete groups of quantities are errors, too.
   TruthAssembly(const QuantitySet& given, const Axes& axes);
-  // Does the constructor's work without exception and allocation: on a fault, returns false and writes the message to
-  // `fault`, which must be empty; then convert() must not be called.
+  // Does the constructor's work without exception and allocation. On a fault, returns false and writes the message
+  // to `fault`; convert() must not be called afterwards. Requires an empty `fault`.
   bool choose(const QuantitySet& given, const Axes& axes, RemarkWriter& fault) noexcept;
   // Returns the quantities that are given.
   const QuantitySet& given() const noexcept { return given_; }
@@ -70,8 +70,8 @@ class TruthAssembly {
   TruthResult convert(const TruthReading& in, Truth& truth) noexcept;
   // Writes which number of the last record was refused, and its limit.
   void describe(const TruthReading& in, RemarkWriter& out) const noexcept;
-  // Restarts with the next record: its absolute time is the new origin, its attitude is integrated from the axes
-  // of N on.
+  // Restarts with the next record: the record's absolute time becomes the new origin of time, and an integration
+  // of attitude starts again from the axes of N.
   void begin() noexcept;
 
  private:

@@ -1,4 +1,4 @@
-// TruthMap: which of a simulator's names mean which quantities of truth.
+// TruthMap: maps a simulator's names to quantities of truth.
 #pragma once
 
 #include <span>
@@ -10,7 +10,7 @@
 
 namespace imud {
 
-// A quantity, and the simulator's name of it.
+// A quantity and the simulator's name for the quantity.
 struct MappedQuantity {
   std::string ours;  // with its unit
   std::string theirs;
@@ -22,23 +22,24 @@ using TruthMap = std::vector<MappedQuantity>;
 inline constexpr Setting map_setting = list_setting(
     "columns", "the quantities and the names that the simulator gives them: {time_s = \"t\", q_NB_w = \"qw\", ...}");
 
-// Returns true if the texts are a map, "our_name=their_name", and no list of names.
+// Returns true if `texts` is a map, "our_name=their_name", rather than a list of names.
 bool is_truth_map(std::span<const std::string> texts) noexcept;
-// Returns the field of one of our names. A minus before the name changes the sign: "-height_m" is a depth. Returns
-// nullopt if there is no such quantity.
+// Returns the field with the imud name `ours`. A minus before the name changes the sign: "-height_m" is a depth.
+// Returns nullopt if there is no such quantity.
 std::optional<TruthField> find_signed_field(std::string_view ours) noexcept;
-// Parse a map, and a list of our names in the order of the columns, in which "_" is a column that is not used; the
-// simulator's name is then the number of the column. Throw std::invalid_argument, "columns: ..." with the fault and
-// the remedy, for an unknown quantity, and for one that is named twice.
+// parse_truth_map() parses a map. parse_truth_order() parses a list of imud's names in the order of the columns,
+// in which "_" is an unused column; the number of the column then takes the place of the simulator's name. Both
+// throw std::invalid_argument, "columns: ..." with the fault and the remedy, for a quantity that is unknown or
+// named twice.
 TruthMap parse_truth_map(std::span<const std::string> texts);
 TruthMap parse_truth_order(std::span<const std::string> names);
-// As parse_truth_order(), of a table in a source file.
+// As parse_truth_order(), for a table in a source file.
 TruthMap truth_order(std::span<const std::string_view> names);
 
-// Returns the set of the quantities.
+// Returns the set of quantities in `map`.
 QuantitySet quantities_of(const TruthMap& map);
-// Returns the assembly of truths from them. Throws std::invalid_argument, "columns: ...", if one is missing, or two
-// exclude one another.
+// Returns the TruthAssembly for the quantities in `map`. Throws std::invalid_argument, "columns: ...", if a
+// quantity is missing, or two quantities exclude one another.
 TruthAssembly assembly_of(const TruthMap& map, const TruthAssembly::Axes& axes);
 
 }  // namespace imud

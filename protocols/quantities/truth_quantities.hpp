@@ -1,5 +1,5 @@
-// Truth quantities: the vocabulary of truth. A name is a quantity and its unit, such as "p_deg_per_s" or
-// "latitude_rad"; a number without dimension has no unit, as in "q_NB_w". Frames: core/README.md.
+// Truth quantities: the names of all quantities of truth. A name is a quantity and its unit, such as "p_deg_per_s"
+// or "latitude_rad"; the name of a dimensionless number has no unit, for example "q_NB_w". Frames: core/README.md.
 #pragma once
 
 #include <array>
@@ -49,7 +49,7 @@ enum class TruthGroup : std::uint8_t {
 };
 inline constexpr std::size_t truth_group_count = static_cast<std::size_t>(TruthGroup::sequence) + 1;
 
-// Return whether an attitude is given relative to the Earth, to the local level, or as Euler angles.
+// Return true if the group is an attitude relative to the Earth, relative to the local level, or in Euler angles.
 constexpr bool is_relative_to_earth(TruthGroup group) noexcept {
   using enum TruthGroup;
   return group == q_EB || group == q_BE || group == sigma_BE || group == dcm_BE || group == dcm_EB ||
@@ -85,7 +85,8 @@ using QuantitySet = std::bitset<quantity_count>;
 std::string_view quantity_name(std::size_t quantity) noexcept;
 // Returns the largest magnitude of the numbers of a kind, SI. A time has truth_limit::time_ns instead.
 double largest_number_of(QuantityKind kind) noexcept;
-// Returns the suffixes of the units of a kind, the SI unit first: "_rad_per_s", "_deg_per_s", ... Empty: it has none.
+// Returns the suffixes of the units of a kind, the SI unit first: "_rad_per_s", "_deg_per_s", ... Empty if the
+// kind has no units.
 std::span<const std::string_view> unit_suffixes(QuantityKind kind) noexcept;
 
 // A quantity in a unit: its value in SI is factor * number + offset.
@@ -98,10 +99,11 @@ struct TruthField {
 
 // Returns the field of a name such as "p_deg_per_s"; nullopt if there is none.
 std::optional<TruthField> find_truth_field(std::string_view name) noexcept;
-// Returns the names for which one in a source file stands, which may have words in braces: two for
+// Expands a name in a source file, which may have alternatives in braces: returns two names for
 // "v_{north,east}_m_per_s".
 std::vector<std::string> names_in(std::string_view name);
-// Returns why `name` is no field, and which are near: "unknown quantity \"p_degs\"; ...".
+// Returns a message for a `name` that is no field, with the valid units if only the unit is missing or wrong:
+// "unknown quantity \"p_degs\"; ...".
 std::string unknown_quantity(std::string_view name);
 
 // The numbers of one record, in SI. The setters return ok, or the fault. No allocation.
@@ -109,8 +111,8 @@ class TruthReading {
  public:
   TruthResult set(const TruthField& field, double number) noexcept;
   TruthResult set(const TruthField& field, std::int64_t number) noexcept;
-  // Reads a number, or of a text quantity the date: "2026-01-31T12:00:00.5Z" or "2026-031-12:00:00.5". A decimal
-  // time is exact to the nanosecond.
+  // Parses `text` as a number, or for a text quantity as a date: "2026-01-31T12:00:00.5Z" or
+  // "2026-031-12:00:00.5". A decimal time is exact to the nanosecond.
   TruthResult set(const TruthField& field, std::string_view text) noexcept;
 
   double operator[](std::size_t quantity) const noexcept { return values_[quantity]; }
