@@ -1,5 +1,5 @@
-// CanSignals: CAN messages whose bits are signals, described by tables as in a DBC file. One table serves encoder and
-// decoder.
+// CanSignals: encodes and decodes CAN messages whose signals a table describes, as in a DBC file. Encoder and
+// decoder use the same table.
 #pragma once
 
 #include <cstddef>
@@ -17,7 +17,7 @@
 
 namespace imud {
 
-// How the bits of a signal are a number; `@1+` and the like are the notation of DBC files.
+// How the bits of a signal represent a number. `@1+`, `@1-`, `@0+` and `@0-` are the notation of DBC files.
 enum class SignalFormat : std::uint8_t { unsigned_integer, signed_integer, float32, float64 };
 struct SignalEncoding {
   bool motorola = false;
@@ -42,7 +42,7 @@ struct CanSignal {
   std::string_view source = "";
   const MeasuredQuantity* quantity = nullptr;  // in place of `source`: a quantity that only this product has, in SI
   std::uint64_t initial = 0;                   // the raw number
-  double minimum = 0, maximum = 0;             // physical values at which the signal saturates; equal: its field's
+  double minimum = 0, maximum = 0;  // physical values at which the signal saturates; if equal: the limits of its bits
   // Not empty: present only while the signal `multiplexor` has one of these values.
   std::span<const PageRange> pages = {};
   std::string_view multiplexor = "";
@@ -52,13 +52,13 @@ inline constexpr std::string_view alive_counter_source = "alive_counter";
 inline constexpr std::string_view checksum_source = "checksum";
 inline constexpr std::string_view data_id_nibble_source = "data_id_nibble";
 
-// Both: the bits of a field, numbered as in CanSignal, within `bytes`.
+// Read and write the bits of a field, numbered as in CanSignal. Both require a field within `bytes`.
 std::uint64_t read_bits(std::span<const std::byte> bytes, unsigned start, unsigned length, bool motorola) noexcept;
 void write_bits(std::span<std::byte> bytes, unsigned start, unsigned length, bool motorola,
                 std::uint64_t number) noexcept;
 
-// Packs the signals of one message and unpacks them. Values saturate and are rounded to nearest, a half away from
-// zero; the low bits of clocks, counters and status are sent. Nothing but the constructor throws or allocates.
+// Packs the signals of one message and unpacks them. Values saturate and are rounded to nearest, halves away from
+// zero; of clocks, counters and status the low bits are sent. Only the constructor throws or allocates.
 class CanSignalCodec {
  public:
   // Throws std::invalid_argument, whose message begins with the signal's name, if a signal exceeds the message of
@@ -67,18 +67,19 @@ class CanSignalCodec {
   CanSignalCodec(std::size_t size, std::span<const CanSignal> signals, const MessageChecksum& checksum = {});
 
   std::size_t size() const noexcept { return size_; }
-  // Returns true if not every message has all quantities.
+  // Returns true if some messages lack some of the quantities.
   bool is_multiplexed() const noexcept { return is_multiplexed_; }
   // Returns true if the message depends on the increments of the Reading.
   bool has_increments() const noexcept;
   // The components that the message carries, as in ReadBack.
   std::uint32_t components() const noexcept;
 
-  // Writes the message number `count`, which determines alive counter and multiplexors. `bytes` has size() elements.
-  // Returns the number of signals that have saturated: by more than half their LSB.
+  // Writes the message number `count`; the number determines alive counter and multiplexors. Requires size()
+  // elements in `bytes`. Returns the number of signals whose saturation changed the value by more than half an
+  // LSB.
   unsigned encode(const Reading& reading, std::uint64_t count, std::span<std::byte> bytes) const noexcept;
 
-  // A decoded message's low bits of clock and counter.
+  // The low bits of the clock or the counter in a decoded message.
   struct LowBits {
     std::uint64_t value = 0;
     unsigned bits = 0;  // 0: the message has none
@@ -91,7 +92,7 @@ class CanSignalCodec {
   // Writes the checksum of a message of size() bytes, if it has one.
   void write_checksum(std::span<std::byte> bytes) const noexcept;
   bool has_good_checksum(std::span<const std::byte> bytes) const noexcept;
-  // Reads the quantities of a message of size() bytes into `read`. nullopt if a number is not finite.
+  // Reads the quantities of a message of size() bytes into `read`. Returns nullopt if a number is not finite.
   std::optional<Decoded> decode(std::span<const std::byte> bytes, ReadBack& read) const noexcept;
 
  private:
@@ -104,7 +105,7 @@ class CanSignalCodec {
     Source source = Source::constant;
     const MeasuredQuantity* quantity = nullptr;
     double lsb = 1;                  // SI = (number - whole - fraction) * lsb
-    double whole = 0, fraction = 0;  // of the number that stands for zero, apart so that no digits are lost
+    double whole = 0, fraction = 0;  // parts of the number for zero, stored apart so that no digits are lost
     double lowest = 0, highest = 0;  // of the number
     std::int64_t time_lsb_ns = 0;
     std::uint64_t initial = 0;
@@ -112,7 +113,7 @@ class CanSignalCodec {
     SignalSource form = {};
     double scale = 1, offset = 0;
     bool is_read_back = true;              // the quantity follows from the message
-    std::optional<std::size_t> sign_bits;  // of a magnitude: the index of the signal that has its sign
+    std::optional<std::size_t> sign_bits;  // of a magnitude: the index of the signal with the sign
   };
   Field compiled(const CanSignal& signal) const;
   void check_overlaps(std::span<const CanSignal> signals) const;
@@ -120,7 +121,7 @@ class CanSignalCodec {
   void join_signs();
   void set_range(Field& field, const CanSignal& signal) const;
   void set_constant(Field& field, const CanSignal& signal, double value) const;
-  // The number of the quantity, and 1 is added to `saturated` if it is at an end of its range.
+  // Returns the number of the quantity. Adds 1 to `saturated` if the number has saturated.
   std::uint64_t number_of(const Field& field, const Reading& reading, unsigned& saturated) const noexcept;
   std::uint64_t bits_of(const Field& field, std::span<const std::byte> bytes) const noexcept {
     return read_bits(bytes, field.start, field.length, field.motorola);

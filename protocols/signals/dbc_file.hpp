@@ -1,9 +1,9 @@
 // DbcFile: the messages and signals of a DBC file, the database of a CAN bus.
 //
-// The format has no public standard; this follows what Vector's tools, cantools and canmatrix agree on. Read are BO_,
-// SG_, SG_MUL_VAL_, SIG_VALTYPE_ and the attributes GenMsgCycleTime, GenSigStartValue and VFrameFormat with their
-// defaults, SystemMessageLongSymbol and SystemSignalLongSymbol, the names of more than 32 characters; all other
-// content is skipped.
+// The format has no public standard; this follows what Vector's tools, cantools and canmatrix agree on. The parser
+// reads BO_, SG_, SG_MUL_VAL_, SIG_VALTYPE_, the attributes GenMsgCycleTime, GenSigStartValue and VFrameFormat
+// with their defaults, and SystemMessageLongSymbol and SystemSignalLongSymbol, which hold the names of more than
+// 32 characters. The parser skips all other content.
 #pragma once
 
 #include <cstddef>
@@ -26,7 +26,7 @@ struct DbcSignal {
   double scale = 1, offset = 0, minimum = 0, maximum = 0;
   bool is_multiplexor = false;
   std::vector<PageRange> pages;  // not empty: present while the multiplexor has one of these values
-  std::string multiplexor;       // its name; empty: the file does not have it
+  std::string multiplexor;       // name of the multiplexor; empty: the file does not name one
   std::uint64_t initial = 0;     // GenSigStartValue, the raw number
 };
 

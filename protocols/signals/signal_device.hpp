@@ -12,18 +12,18 @@
 
 namespace imud {
 
-// A message and when it is sent.
+// A message and its schedule.
 struct SignalMessage {
   CanHeader can;
   Nanoseconds period = {};  // 0: with every sample; otherwise with the first sample of each period
   CanSignalCodec codec;
 };
 
-// The rate of a message, per second, where samples come at `rate_hz`.
+// Returns the rate of a message, Hz, where `rate_hz` is the sample rate.
 double rate_of(const SignalMessage& message, double rate_hz) noexcept;
 
-// Sends the messages that are due with each sample, in the order of the table. Increments are the sums since the same
-// message was last sent. The first sample after power on sends every message, and starts the periods.
+// Sends the messages that are due with each sample, in the order of the table. A message's increments are the sums
+// since that message was last sent. The first sample after power on sends every message, and starts the periods.
 class SignalDevice final : public Device {
  public:
   // Throws std::invalid_argument if there are more messages than FrameBuffer::max_frames.
@@ -38,7 +38,7 @@ class SignalDevice final : public Device {
   struct Scheduled {
     SignalMessage message;
     bool has_increments = false;
-    std::uint64_t count = 0;  // of the message: alive counter and multiplexor follow from it
+    std::uint64_t count = 0;  // number of the message, which determines alive counter and multiplexors
     std::int64_t period = 0;  // the number of the period in which it was last sent
     DeviceTime sent = {};
     Vector3 delta_angle = Vector3::Zero(), delta_velocity = Vector3::Zero();
@@ -54,13 +54,15 @@ class SignalDevice final : public Device {
   std::uint64_t saturated_ = 0;      // signals, in all messages
 };
 
-// Returns the writer of the checksums of the messages, whose content is the whole message; nullptr if none has one.
+// Returns the seal of the messages, which lets all bytes of a message change; nullptr if no message has a
+// checksum.
 std::unique_ptr<FrameSeal> seal_of(std::vector<SignalMessage> messages);
 
-// Collects the messages of a sample to a measurement. Messages that come with every sample must all be there, in the
-// order of the table, and their sample counters must agree; others may be missing. The measurement is complete with
-// the last message of the table, or when the next sample begins. A vector has its field set if all components that
-// the messages carry are there; the others are 0. Multiplexed signals keep their value until their next message.
+// Combines the messages of a sample into a measurement. All messages that are sent with every sample must be
+// present, in the order of the table, and their sample counters must agree; other messages may be missing. The
+// measurement is complete with the last message of the table, or when the next sample begins. The bit of a vector
+// in Measurement::fields is set if all components that the messages carry are present; components that no message
+// carries are 0. Multiplexed signals keep their value until their next message.
 class SignalDecoder final : public Decoder {
  public:
   explicit SignalDecoder(std::vector<SignalMessage> messages);
@@ -70,14 +72,14 @@ class SignalDecoder final : public Decoder {
 
  private:
   void begin() noexcept;
-  void end(MeasurementSink& sink);  // of a sample: its measurement, or one more that is incomplete
+  void end(MeasurementSink& sink);  // of a sample: passes on its measurement, or counts it as incomplete
   bool agrees(const CanSignalCodec::LowBits& counter) const noexcept;
   void unwrap(const CanSignalCodec::Decoded& decoded) noexcept;
 
   std::vector<SignalMessage> messages_;
-  std::uint32_t components_ = 0;  // that all messages together carry
+  std::uint32_t components_ = 0;  // carried by all messages together
   std::size_t needed_ = 0;        // messages that come with every sample
-  Nanoseconds shortest_ = {};     // their period
+  Nanoseconds shortest_ = {};     // the shortest period of the messages
   bool is_multiplexed_ = false;
 
   ReadBack set_;

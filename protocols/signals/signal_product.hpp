@@ -1,5 +1,6 @@
-// SignalProduct: a product whose messages are a table, and the settings that select, schedule and number them. A file
-// of protocols/devices has the table and the entry; all else is here.
+// SignalProduct: a product whose messages a table describes, and the settings that select and schedule the
+// messages and set their identifiers. A file of protocols/devices has the table and the Protocol entry; everything
+// else is here.
 #pragma once
 
 #include <memory>
@@ -19,7 +20,7 @@ struct SignalProductMessage {
 
 struct SignalProduct {
   std::span<const SignalProductMessage> messages;  // in the order of sending after one sample
-  bool has_choice = false;  // the setting `messages` chooses among them; otherwise all are sent
+  bool has_choice = false;  // true: the setting `messages` selects messages; false: all are sent
   // The sensors as delivered: noise densities, rad/s and m/s^2 per sqrt(Hz), and ranges, rad/s and m/s^2.
   double gyro_noise = 0, gyro_max = 0;
   double accelerometer_noise = 0, accelerometer_max = 0;
@@ -59,8 +60,8 @@ Product product_of(const SignalProduct& product, const Settings& settings);
 std::vector<CanMessage> can_messages_of(const std::vector<SignalMessage>& messages, double rate_hz);
 inline std::vector<CanFilter> no_can_filters(const Settings&) { return {}; }
 
-// Completes the entry of a product of which `Choose` returns the table for the settings: `entry` has only what does
-// not follow from it. No other file has a function or a table of that name.
+// Completes `entry`, the Protocol of a product. `Choose` returns the product's table for the settings; `entry`
+// needs only the members that do not follow from the table. The name of `Choose` must be unique among all files.
 template <const SignalProduct& (*Choose)(const Settings&)>
 constexpr Protocol signal_protocol(Protocol entry) {
   entry.link = Link::can;
@@ -78,7 +79,7 @@ constexpr Protocol signal_protocol(Protocol entry) {
   return entry;
 }
 
-// The same for a product of one table.
+// As above, for a product with one table, whose name must be unique among all files.
 template <const SignalProduct& Table>
 const SignalProduct& only_table(const Settings&) {
   return Table;

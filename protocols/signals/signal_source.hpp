@@ -20,12 +20,13 @@ namespace imud {
 struct SignalSource {
   enum class Form : std::uint8_t { plain, magnitude, sign, remainder, constant };
   Form form = Form::plain;
-  MeasuredIn in = {};   // but of a constant
-  double modulus = 0;   // of a remainder; in the unit, positive
+  MeasuredIn in = {};   // for all forms but constant
+  double modulus = 0;   // of a remainder; positive, in the unit of `in`
   double constant = 0;  // in the signal's unit
 };
 
-// nullopt if the text is none of these, or applies a form to a clock, a counter or a status.
+// Parses one of the texts above. Returns nullopt for any other text, or if a form is applied to a clock, a counter
+// or a status.
 std::optional<SignalSource> parse_signal_source(std::string_view text) noexcept;
 
 inline constexpr std::string_view signal_source_syntax =
