@@ -15,13 +15,13 @@
 
 namespace imud {
 
-// The newest sample, and the increments since the message for which it is read was last sent.
+// The newest sample, and the increments since the message to be encoded was last sent.
 struct Reading {
   const Sample& sample;
   Vector3 delta_angle = Vector3::Zero();         // rad, the sum
   Vector3 delta_velocity = Vector3::Zero();      // m/s, the sum
   Quaternion rotation = Quaternion::Identity();  // of the platform: q_LP2 = q_LP1 * rotation
-  double interval_s = 0;                         // 0: not known, and the increments are the sample's own
+  double interval_s = 0;                         // 0: not known; the increments are then those in `sample`
 };
 
 // Numbers that were read back from messages.
@@ -45,11 +45,11 @@ struct MeasuredQuantity {
   std::string_view help;
   std::span<const KeyUnit> units = {};                           // empty: a number without unit
   double (*get)(const Reading& reading) noexcept = nullptr;      // SI; of Kind::number only
-  void (*set)(double value, ReadBack& read) noexcept = nullptr;  // its inverse; nullptr: a Measurement has no place
+  void (*set)(double value, ReadBack& read) noexcept = nullptr;  // inverse of get; nullptr: none
   Kind kind = Kind::number;
   bool is_increment = false;  // depends on the increments of the Reading
-  // It has a value of its own only if this is known: the unit's place, the GPS time (Sample::timed()), or a fix of
-  // the receiver. Without it a text may leave the quantity out.
+  // The condition for a meaningful value: the unit's place, the GPS time (Sample::timed()), or a fix of the
+  // receiver is known. If the condition is not met, a text format may omit the quantity.
   enum class Needs : std::uint8_t { nothing, place, time, fix } needs = Needs::nothing;
   bool is_known(const Sample& sample) const noexcept;
 };
@@ -64,8 +64,8 @@ struct MeasuredIn {
 // All quantities.
 std::span<const MeasuredQuantity> measured_quantities() noexcept;
 
-// Returns the quantity and unit of a name such as "rate_x_deg_per_s"; a minus before it changes the sign. nullopt if
-// there is none.
+// Returns the quantity and unit of a name such as "rate_x_deg_per_s"; a minus before the name changes the sign.
+// Returns nullopt if no quantity has the name.
 std::optional<MeasuredIn> find_measured(std::string_view name) noexcept;
 
 // Returns the names of all quantities, each with the first of its units, for messages to users.

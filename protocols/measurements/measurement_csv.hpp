@@ -25,8 +25,9 @@ inline constexpr std::size_t measurement_csv_row_max = 384;
 std::size_t write_measurement_csv(const Measurement& measurement, std::span<char, measurement_csv_row_max> row,
                                   int digits = all_digits) noexcept;
 
-// Reads a row, given without its end of line. Returns false, with `measurement` unspecified, if the row is malformed:
-// it has not 16 columns, a field is not a finite number, or only some components of a vector are empty.
+// Reads a row. Requires a row without its line end. Returns false, with `measurement` unspecified, if the row is
+// malformed: the row does not have 16 columns, a field is not a finite number, or only some components of a vector
+// are empty.
 bool read_measurement_csv(std::string_view row, Measurement& measurement) noexcept;
 
 }  // namespace imud

@@ -1,4 +1,4 @@
-// MeasurementRow: a measurement as a row of an array of NumPy or HDF5.
+// MeasurementRow: a measurement as a row of a NumPy or HDF5 array.
 #pragma once
 
 #include <array>
@@ -12,17 +12,17 @@
 
 namespace imud {
 
-// The truth at a sample, without errors: at the sensor's place and in its axes, as Sample has the measured values.
-// NaN where there is none.
+// The true values of a sample's measured values, without sensor errors: at the sensor's place, in the sensor's
+// axes, and in the units of Sample. NaN: no true value.
 struct TrueValues {
   static constexpr double none = std::numeric_limits<double>::quiet_NaN();
   std::array<double, 3> gyro{none, none, none}, accel{none, none, none}, dtheta{none, none, none},
       dvel{none, none, none};
 };
 
-// Units: measurement_columns(). A quantity that the measurement does not carry is NaN; `time_ns` is NumPy's NaT then,
-// `counter` its greatest value, and `status` 0. `fields` has the bits of the carried quantities
-// (Measurement::Field). There is no padding.
+// Units: measurement_columns(). A quantity that the measurement does not carry is NaN; a missing `time_ns` is
+// NumPy's NaT, a missing `counter` the greatest value of its type, and a missing `status` 0. `fields` has the bits
+// of the carried quantities (Measurement::Field). There is no padding.
 struct MeasurementRow {
   static constexpr std::int64_t no_time = std::numeric_limits<std::int64_t>::min();
   static constexpr std::uint64_t no_counter = std::numeric_limits<std::uint64_t>::max();

@@ -1,4 +1,5 @@
-// NpyFile: arrays of NumPy (numpy.lib.format), written in version 1, read in versions 1 to 3 as of numpy.save.
+// NpyFile: NumPy array files (numpy.lib.format), written in version 1, and read in versions 1 to 3, as numpy.save
+// writes them.
 #pragma once
 
 #include <cstddef>
@@ -12,13 +13,13 @@
 
 namespace imud {
 
-// Returns the header of an array with these columns and this shape: a text of a length that depends neither on the
-// number of rows nor on the number of dimensions up to two.
+// Returns the file header of an array with these columns and this shape. The length of the header depends neither
+// on the number of rows nor, up to two dimensions, on the number of dimensions.
 std::string npy_header(std::span<const MeasurementColumn> columns, std::span<const std::uint64_t> shape);
 
 // Reads an array of float64 in C order with one or two dimensions, little- or big-endian, row by row to the end of
-// the stream. The constructor reads the header. All throw std::runtime_error, with the fault and the remedy, for any
-// other content.
+// the stream. The constructor reads the header. Constructor and next() throw std::runtime_error, with the fault
+// and the remedy, for any other content.
 class NpyRows {
  public:
   explicit NpyRows(std::istream& in);
