@@ -19,7 +19,7 @@
 
 namespace imud {
 
-// A message and when it is sent.
+// A message and its schedule.
 struct FrameMessage {
   std::string name;
   std::uint32_t line = 0;     // in the file
@@ -30,10 +30,10 @@ struct FrameMessage {
   FrameSwitch by_settings;
 };
 
-// Returns true if one sample may have both messages.
+// Returns true if both messages may be sent with the same sample.
 bool may_coincide(const FrameMessage& a, const FrameMessage& b);
 
-// Returns the highest rate at which a message may be sent, Hz; 0: the divider decides.
+// Returns the highest rate at which a message may be sent, Hz; 0: the divider determines the rate.
 double highest_rate_hz(const FrameDescription& description, const FrameDescription::Message& message);
 // Returns the rate of the samples, Hz, where a configuration gives none: the description's own, or else the highest
 // rate of its messages if each has one; 0: there is none.
@@ -42,9 +42,10 @@ double default_rate_hz(const FrameDescription& description);
 // Returns the messages, compiled. Throws FrameFaults with every fault.
 std::vector<FrameMessage> frame_messages(const FrameDescription& description);
 
-// Sends the messages that are due with each sample, in the order of the file. Increments are the sums since the same
-// message was last sent. The first sample after power on starts periods and dividers. While a message is switched
-// off, by the stream or by a setting, its increments are those since it was last due, and it is not counted.
+// Sends the messages that are due with each sample, in the order of the file. A message's increments are the sums
+// since that message was last sent. The first sample after power on starts periods and dividers. While a message
+// is switched off, by the stream or by a setting, its increments are those since it was last due, and it is not
+// counted.
 class FrameDevice final : public Device, private FrameHost::Unit {
  public:
   FrameDevice(std::vector<FrameMessage> messages, const FrameDescription& description, FrameHost host,
@@ -88,29 +89,29 @@ class FrameDevice final : public Device, private FrameHost::Unit {
   UartSettings uart_;
   FrameDescription::Start starting_;
   FrameEscape escape_;
-  std::vector<std::byte> content_;   // of a frame that is escaped
+  std::vector<std::byte> content_;   // of a frame, before the escapes are added
   DeviceTime powered_ = {};          // power on, or the last reset
   std::optional<DeviceTime> start_;  // time of the first sample since power on
   std::uint64_t counter_ = 0;        // of the last sample
   std::int64_t samples_ = 0;         // since the start
   std::uint64_t frames_ = 0;         // sent since the start
   bool keeps_newest_ = false;        // requests need it
-  Sample newest_;                    // else only its time is set
+  Sample newest_;                    // if keeps_newest_ is false, only its time is set
   // Fields that saturated, in all messages, and FrameHost's counts.
   std::array<std::uint64_t, 3> counts_ = {};
 };
 
-// Finds the frames by their constants and checks, and collects the messages of a sample to a measurement. Messages
-// that are sent most often must all be there, in the order of the file; others may be missing, and so may messages
-// that settings switch, or whose phases exclude a message that is there. The measurement is complete when no other
-// message can belong to it, or when the next sample begins. A vector has its field set if all components that the
-// messages carry are there; the others are 0. Clocks and counters go on where they begin again; a stream without a
-// counter of samples has its counter of messages, or, if it has no clock either and all messages are sent with each
-// sample, the counter of all messages.
+// Finds the frames by their constants and checks, and combines the messages of a sample into a measurement. All
+// messages with the highest rate must be present, in the order of the file. Other messages may be missing, and so
+// may messages that settings switch, or whose phases exclude a message that is present. The measurement is
+// complete when no other message can belong to it, or when the next sample begins. The bit of a vector in
+// Measurement::fields is set if all components that the messages carry are present; components that no message
+// carries are 0. Clocks and counters are unwrapped; a stream without a counter of samples has its counter of
+// messages, or, if it has no clock either and all messages are sent with each sample, the counter of all messages.
 class FrameStreamDecoder final : public Decoder, public FieldDecoder {
  public:
-  // `values`: of the settings that the unit probably has. Messages that are sent with these are tried first, as
-  // others may have the same constants.
+  // `values`: the probable values of the unit's settings. Messages that are sent with these values are tried
+  // first, because other messages may have the same constants.
   FrameStreamDecoder(std::vector<FrameMessage> messages, FrameEscape escape, std::span<const FrameValue> values = {});
 
   void feed(const Frame& frame, MeasurementSink& sink) override;
@@ -124,7 +125,7 @@ class FrameStreamDecoder final : public Decoder, public FieldDecoder {
  private:
   using Search = FrameSearch<FrameDescription::longest_frame>;
   using Wrapping = MessageLayout::Wrapping;
-  // A clock or a counter, continued.
+  // Unwraps a clock or a counter.
   class Continued {
    public:
     // Returns the number that is nearest to the last one, or, of a short counter, the next one that is not less.
@@ -136,7 +137,7 @@ class FrameStreamDecoder final : public Decoder, public FieldDecoder {
   struct Known {
     FrameMessage message;
     bool is_needed = false;
-    std::uint64_t partners = 0;  // bits of the messages that a sample may have beside it
+    std::uint64_t partners = 0;  // bits of the messages that may be sent with the same sample
   };
 
   std::size_t parse(std::span<const std::byte> held, MeasurementSink& sink);
@@ -149,8 +150,8 @@ class FrameStreamDecoder final : public Decoder, public FieldDecoder {
   std::vector<Known> known_;
   std::vector<FrameKind> kinds_;  // in the same order
   FrameReceiver* receiver_ = nullptr;
-  std::vector<std::size_t> order_;  // in which they are tried
-  std::uint32_t components_ = 0;    // that all messages together carry
+  std::vector<std::size_t> order_;  // in which the messages are tried
+  std::uint32_t components_ = 0;    // carried by all messages together
   // Bits of the messages whose clock, counter of samples, own counter, and counter of all messages are read.
   std::uint64_t clocks_ = 0, counters_ = 0, alive_counters_ = 0, frame_counters_ = 0;
   Continued time_, count_;
@@ -158,10 +159,10 @@ class FrameStreamDecoder final : public Decoder, public FieldDecoder {
   Search search_;
   FrameEscape escape_;
   EscapeReader reader_;
-  std::uint64_t offset_ = 0;    // bytes before what is held; of escaped frames: bytes that were read
+  std::uint64_t offset_ = 0;    // bytes before the held bytes; of escaped frames: bytes that were read
   ReadBack set_;                // the sample that is being collected
-  std::uint64_t found_ = 0;     // bits of its messages
-  std::uint64_t partners_ = 0;  // bits of the messages that may still belong to it
+  std::uint64_t found_ = 0;     // bits of the sample's messages so far
+  std::uint64_t partners_ = 0;  // bits of the messages that may still belong to the sample
 };
 
 }  // namespace imud

@@ -1,4 +1,4 @@
-// Messages of a description that a decoder cannot tell apart.
+// Refuses descriptions with messages that a decoder cannot tell apart.
 #pragma once
 
 #include <span>
@@ -8,10 +8,11 @@
 
 namespace imud {
 
-// Throws FrameFaults with each message that has a double: all its frames fit an earlier message as well, so that it
-// would never be decoded, or the frames of one of the two begin with whole frames of the other; and the same settings
-// let both be streamed. If only some frames do so, the order of FrameStreamDecoder decides. `file` is for the faults.
-// The frames that are compared follow from a few samples at random, the same in each call.
+// Throws FrameFaults with each message that has a double: all its frames fit an earlier message as well, so that
+// it would never be decoded, or the frames of one of the two begin with whole frames of the other; and the same
+// settings let both be streamed. If only some frames are ambiguous, FrameStreamDecoder decides by its order of
+// messages. `file`: the file name for the faults. The compared frames are made from a few pseudo-random samples,
+// which are the same in each call.
 void refuse_look_alikes(std::span<const FrameMessage> messages, FrameEscape escape, std::string_view file);
 
 }  // namespace imud

@@ -1,4 +1,4 @@
-// FrameMessageSeal: writes the checks of the messages of a description again.
+// FrameMessageSeal: recomputes the checks in the messages of a description.
 #pragma once
 
 #include <memory>
@@ -23,7 +23,7 @@ class FrameMessageSeal final : public FrameSeal {
   FrameEscape escape_;
 };
 
-// Returns the seal of these messages; nullptr if none has a check.
+// Returns the seal of these messages; nullptr if no message has a check.
 std::unique_ptr<FrameSeal> seal_of(std::vector<FrameMessage> messages, FrameEscape escape);
 
 }  // namespace imud
