@@ -25,7 +25,7 @@ namespace imud {
 
 class FrameCheck {
  public:
-  // Returns the check of that name; nullopt if there is none. `own` are the file's own CRCs.
+  // Returns the check named `name`; nullopt if no check has the name. `own`: the CRCs that the file describes.
   static std::optional<FrameCheck> find(std::string_view name, std::span<const FrameDescription::Check> own);
   // Returns the names of all checks, for suggestions.
   static std::vector<std::string> names(std::span<const FrameDescription::Check> own);

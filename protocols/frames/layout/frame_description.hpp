@@ -45,7 +45,7 @@ struct FrameDescription {
     std::string name;
     CrcParameters parameters;
   };
-  // A frame as a unit has sent it, and its values; all others are 0.
+  // A frame as a unit has sent it, and the values in the frame; values that are not listed are 0.
   struct Test {
     Text frame;  // in hexadecimal, or the line of text
     std::vector<Value> values;
@@ -90,7 +90,8 @@ struct FrameDescription {
   std::string baud_setting;  // that has the bit rate of the line; empty: `uart`
 };
 
-// Returns true if the name of a description is the path of a file, and false if it is a shipped one's.
+// Returns true if the name of a description is the path of a file; false if it is the name of a shipped
+// description.
 inline bool is_path_of_frames(std::string_view name) noexcept {
   return name.find('/') != std::string_view::npos || name.ends_with(".toml");
 }
@@ -105,7 +106,7 @@ struct FrameFault {
 // Returns the fault's place: the message and a key or element of it.
 std::string where_in(const FrameDescription::Message& message, const std::string& key);
 
-// All faults of a description; the text has the first.
+// All faults of a description; what() gives the first fault.
 struct FrameFaults : std::invalid_argument {
   FrameFaults(std::string_view file, std::vector<FrameFault> all);
   std::vector<FrameFault> faults;  // at least one

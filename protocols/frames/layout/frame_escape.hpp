@@ -1,4 +1,4 @@
-// FrameEscape: framing by a byte that the content of a frame cannot have, which is therefore replaced in it.
+// FrameEscape: framing by a mark byte. The content of a frame cannot contain the mark: escapes replace it.
 //
 // | name | on the line                                                                                              |
 // |------|----------------------------------------------------------------------------------------------------------|
@@ -36,7 +36,8 @@ constexpr std::size_t longest_escaped(FrameEscape escape, std::size_t size) noex
   }
 }
 
-// Writes the frame of `content` to `out`, of longest_escaped() bytes. Returns its size. The two do not overlap.
+// Writes the frame of `content` to `out`, of longest_escaped() bytes. Returns the size of the frame. Requires that
+// `content` and `out` do not overlap.
 std::size_t escape_frame(FrameEscape escape, std::span<const std::byte> content, std::span<std::byte> out) noexcept;
 
 // Finds the frames of a stream, and removes the escapes from them. Allocates nothing. One thread.
@@ -44,8 +45,8 @@ class EscapeReader {
  public:
   explicit EscapeReader(FrameEscape escape) : escape_(escape) {}
 
-  // Takes the next byte. Returns true if a frame ends with it, whose content(), 1 to FrameDescription::longest_frame
-  // bytes, is valid until the next call.
+  // Takes the next byte. Returns true if a frame ends with this byte; content() then has the frame's 1 to
+  // FrameDescription::longest_frame bytes, and is valid until the next call.
   bool take(std::byte byte) noexcept;
   std::span<const std::byte> content() const noexcept { return std::span(held_).first(size_); }
   // Returns the bytes of that frame on the line, without a mark that may have ended the frame before.

@@ -9,7 +9,7 @@
 
 namespace imud {
 
-// The number that a frame has for a field, in the unit of the field's name: LSB, offset and a minus of the
+// The number in a field of a frame, converted to the unit of the field's name: LSB, offset and a minus of the
 // description are undone.
 struct FieldValue {
   enum class Kind : std::uint8_t {
@@ -26,7 +26,7 @@ struct FieldValue {
 
 // A message of a description.
 struct FrameKind {
-  std::string name;                 // no other kind has it
+  std::string name;                 // unique among all kinds
   std::vector<std::string> fields;  // names with their units, such as "rate_x_deg_per_s"; all differ
 };
 
@@ -49,10 +49,11 @@ class FrameReceiver {
 class FieldDecoder {
  public:
   virtual std::span<const FrameKind> frame_kinds() const noexcept = 0;
-  // Passes each frame that is decoded from now on to `receiver`, even if other frames of its sample are missing. With
-  // nullptr frames are passed to nobody. `receiver` must exist as long as the decoder is called.
+  // Passes each frame that is decoded from now on to `receiver`, even if other frames of the same sample are
+  // missing; nullptr: passes no frames. Requires that `receiver` exists as long as the decoder is called.
   virtual void pass_frames_to(FrameReceiver* receiver) noexcept = 0;
-  // Reads the fields of a frame that is passed. `values`: one for each name of its kind.
+  // Reads the fields of a frame during FrameReceiver::on_frame(). `values`: one element for each name of the
+  // frame's kind.
   virtual void read_fields(const DecodedFrame& frame, std::span<FieldValue> values) const noexcept = 0;
 
  protected:

@@ -1,5 +1,5 @@
-// FrameLayout: a message of a description, compiled into a template of its bytes and a list of the numbers in it. One
-// list serves encoder and decoder.
+// FrameLayout: a message of a description, compiled into a template of its bytes and a list of the numbers in it.
+// Encoder and decoder use the same list.
 #pragma once
 
 #include <cstddef>
@@ -21,7 +21,7 @@ class FrameLayout final : public MessageLayout {
   enum class Use : std::uint8_t {
     message,
     request,  // which may have `_:*`, any number of bytes by its length
-    item,     // a part of a request, which needs nothing by which it is found
+    item,     // a part of a request; needs no constant or check to be found by
   };
   // Throws FrameFaults with every fault of the message.
   FrameLayout(const FrameDescription& description, const FrameDescription::Message& message, Use use = Use::message);
@@ -37,9 +37,10 @@ class FrameLayout final : public MessageLayout {
   // Returns the bytes before `_:*`, or of a layout without it all bytes.
   std::size_t fixed() const noexcept { return variable_.value_or(size()); }
   bool is_variable() const noexcept { return variable_.has_value(); }
-  // Returns a frame with constants and these bytes for `_:*`; all else is 0. It has no checks yet.
+  // Returns a frame with the constants, and with `content` in place of `_:*`; all other bytes are 0, also the
+  // checks.
   std::vector<std::byte> with_content(std::span<const std::byte> content) const;
-  // Writes the checks of a frame of which some bytes were changed.
+  // Writes the checks of a frame after some of its bytes were changed.
   void seal(std::span<std::byte> frame) const noexcept;
   // Returns true if the constants allow bytes that begin with a frame of this layout and with one of the other.
   bool may_coincide(const FrameLayout& other) const noexcept;

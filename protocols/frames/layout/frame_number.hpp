@@ -1,4 +1,4 @@
-// FrameNumber: how a number stands in the bytes of a frame.
+// FrameNumber: the type and byte order of a number in a frame.
 #pragma once
 
 #include <boost/endian/conversion.hpp>
@@ -20,7 +20,7 @@ struct FrameNumber {
   bool is_float() const noexcept { return format == Format::float32 || format == Format::float64; }
 };
 
-// Writes the low bits of a number, or reads them: `type.bytes` bytes.
+// Write and read the low bits of a number: `type.bytes` bytes.
 inline void store_number(std::uint64_t bits, const FrameNumber& type, std::byte* to) noexcept {
   const std::uint64_t ordered = type.is_big ? boost::endian::native_to_big(bits << (64 - 8 * type.bytes))
                                             : boost::endian::native_to_little(bits);

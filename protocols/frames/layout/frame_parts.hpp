@@ -25,15 +25,17 @@ void each_part(std::string_view text, char separator, Take take) {
 
 // Reads NAME or NAME%MODULUS.
 FrameSource source_in(std::string_view text);
-// Returns true for a counter or a status, whose low bits are sent. It has a whole modulus and no LSB.
+// Returns true for a counter or a status. Frames carry the low bits of such a source; its modulus is an integer,
+// and it has no LSB.
 bool is_counting(const FrameSource& source);
 void check_modulus(const FrameSource& source);
 
-// Reads [*LSB][+OFFSET] from the beginning of the text, and removes it. Returns the LSB, 1 if there is none, and the
-// offset.
+// Reads [*LSB][+OFFSET] at the beginning of `text`, and removes these characters. Returns the LSB, 1 if absent,
+// and the offset.
 std::pair<double, double> take_scale(std::string_view& text);
 
-// Returns the condition of an optional element, without its "?", and removes it; empty if there is none.
+// Removes the condition of an optional element from `text`, and returns the condition without its "?"; empty if
+// there is no condition.
 std::string_view take_condition(std::string_view& text) noexcept;
 
 // Reads "@FROM..", "@FROM..@TO" or "@FROM..@".
@@ -41,7 +43,7 @@ FrameElement::Range range_in(std::string_view text);
 // Returns the label in "@LABEL".
 std::string label_in(std::string_view text);
 
-// Returns the check of that name.
+// Returns the check named `name`.
 FrameCheck check_named(std::string_view name, std::span<const FrameDescription::Check> own);
 
 }  // namespace imud

@@ -15,7 +15,7 @@
 
 namespace imud {
 
-// Returns true if the texts are equal; `ignores_case`: but for the case of letters of ASCII.
+// Returns true if the texts are equal. `ignores_case`: the case of ASCII letters is ignored.
 bool is_same_text(std::string_view a, std::string_view b, bool ignores_case) noexcept;
 
 // A value of a setting: its index in the list, or, of a range, its distance from the lowest value.
@@ -42,7 +42,7 @@ struct FrameCondition {
 
 // Returns true if all conditions hold with these values of all settings.
 bool all_hold(std::span<const FrameCondition> conditions, std::span<const FrameValue> values) noexcept;
-// Returns true if no values of the settings let all conditions of both hold.
+// Returns true if no values of the settings satisfy all conditions of both lists.
 bool exclude(std::span<const FrameCondition> some, std::span<const FrameCondition> others) noexcept;
 
 // When a message is sent, as far as settings decide.
@@ -73,13 +73,14 @@ class FrameSettings {
   const Setting& operator[](std::size_t index) const noexcept { return all_[index]; }
 
   std::optional<std::size_t> find(std::string_view name, bool ignores_case = false) const noexcept;
-  // Returns the value that the text is; of a number any text of it, such as "0100" for 100.
+  // Returns the value with this text. For a number, any text of the number is accepted, such as "0100" for 100.
   std::optional<FrameValue> find_value(std::size_t setting, std::string_view text,
                                        bool ignores_case = false) const noexcept;
-  // Returns the value that has the code; the code of a value. A number of a range is its own code.
+  // find_code() returns the value with a code, and code() the code of a value. A number of a range is its own
+  // code.
   std::optional<FrameValue> find_code(std::size_t setting, std::uint64_t code) const noexcept;
   std::uint64_t code(FrameChosen chosen) const noexcept;
-  // Returns the number that a value is; 0 if it is a text.
+  // Returns the value as a number; 0 if the value is a text.
   double number(FrameChosen chosen) const noexcept;
   // Returns the text of a value, which is in `room` if the setting has a range.
   using Room = std::array<char, 20>;

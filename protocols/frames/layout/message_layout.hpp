@@ -1,5 +1,5 @@
-// MessageLayout: how the bytes of one message of a description are made and read back. FrameLayout has the messages
-// of numbers at fixed places, TextLayout the lines of text.
+// MessageLayout: encodes and decodes one message of a description. FrameLayout is for messages with numbers at
+// fixed places, TextLayout for lines of text.
 #pragma once
 
 #include <cstddef>
@@ -57,14 +57,14 @@ class MessageLayout {
   // Compares the beginning of `held`, which is not empty, with the constants, and a whole frame with its checks.
   virtual Found match(std::span<const std::byte> held) const noexcept = 0;
 
-  // Returns true if its frames have a check.
+  // Returns true if the frames of the message have a check.
   virtual bool has_check() const noexcept = 0;
-  // Writes the checks of a whole frame, whatever they are and whichever optional elements it has. Returns false, and
-  // writes nothing, if the bytes are no such frame but for its checks, or if it has none.
+  // Writes the checks of a whole frame, whatever optional elements the frame has. Returns false, and writes
+  // nothing, if the bytes apart from the checks are no frame of the message, or the message has no check.
   virtual bool reseal(std::span<std::byte> frame) const noexcept = 0;
 
-  // The number that a frame has for a clock or a counter, and the number of values after which it begins again; 0:
-  // 2^64.
+  // The number in a frame for a clock or a counter, and the number of values after which the clock or counter
+  // wraps; a `period` of 0 stands for 2^64.
   struct Wrapping {
     std::uint64_t value = 0, period = 0;
   };
@@ -80,7 +80,8 @@ class MessageLayout {
 
   // The names of the numbers that a frame has, with their units and in its order. A name may occur more than once.
   const std::vector<std::string>& fields() const noexcept { return field_names_; }
-  // Reads them from a frame that decode() has accepted; `values` has one for each name.
+  // Reads these numbers from a frame. Requires a frame that decode() has accepted, and one element of `values` for
+  // each name.
   virtual void read_fields(std::span<const std::byte> frame, std::span<FieldValue> values) const noexcept = 0;
 
   // A line of the layout, for people.
