@@ -40,7 +40,7 @@ class FrameLine {
   // Throws std::invalid_argument.
   FrameLine(std::string_view pattern, bool ignores_case, const FrameSettings& settings);
 
-  // Compares a line, without its end. `captures` are set if it returns true.
+  // Compares a line with the pattern. Requires a line without its line end. Sets `captures` if the result is true.
   bool match(std::string_view line, const FrameSettings& settings, FrameCaptures& captures) const noexcept {
     return match(line, ignores_case_, settings, captures);
   }
@@ -91,7 +91,8 @@ class FrameBytes {
   const FrameLayout& layout() const noexcept { return *layout_; }
 
   // --- A request ---
-  // Compares the beginning of `held`, which is not empty. `captures` are set if it returns `yes`.
+  // Compares the beginning of `held` with the pattern. Requires a `held` that is not empty. Sets `captures` if the
+  // result is `yes`.
   FrameLayout::Match match(std::span<const std::byte> held, const FrameSettings& settings,
                            FrameCaptures& captures) const noexcept;
   // Returns a request that matches, with these values of the settings; bytes that may be any are 0.

@@ -1,4 +1,4 @@
-// FrameHost: the side of a described unit that listens: its settings, and the requests that it executes.
+// FrameHost: the receiver of a described unit: holds the unit's settings, and executes the host's requests.
 #pragma once
 
 #include <array>
@@ -20,11 +20,11 @@ namespace imud {
 // for, the unit has its stored settings and streams. After construction nothing here allocates or throws. One thread.
 class FrameHost {
  public:
-  // The unit around it.
+  // The unit that owns the FrameHost.
   class Unit {
    public:
     virtual const Sample& newest() const noexcept = 0;
-    // Sends a message once: at once with the newest sample, or with the first sample.
+    // Sends a message once: immediately with the newest sample, or if there is none yet, with the first sample.
     virtual void poll_message(std::size_t message, DeviceTime now, FrameBuffer& out) noexcept = 0;
     // Settings, or the stream, have changed.
     virtual void switch_messages() noexcept = 0;
@@ -38,12 +38,12 @@ class FrameHost {
   explicit FrameHost(std::shared_ptr<const FrameRequests> requests);
 
   const FrameRequests& requests() const noexcept { return *requests_; }
-  // Stores a value, as a host that saved it before.
+  // Stores a value, as if a host had saved it before.
   void store(FrameChosen chosen) noexcept;
 
   void power_on() noexcept;
   void receive(std::span<const std::byte> bytes, DeviceTime now, Unit& unit, FrameBuffer& replies) noexcept;
-  // Returns when the next delayed answer is due. An answer waits for those before it.
+  // Returns the time at which the next delayed answer is due. An answer waits for all earlier answers.
   std::optional<DeviceTime> deadline() const noexcept;
   // Sends the delayed answers that are due.
   void poll(DeviceTime now, Unit& unit, FrameBuffer& out) noexcept;
@@ -51,7 +51,7 @@ class FrameHost {
 
   bool is_streaming() const noexcept { return is_streaming_; }
   std::span<const FrameValue> values() const noexcept { return values_; }  // of all settings
-  // Returns the bit rate of the line; nullopt if no setting has it. It changes after the answer.
+  // Returns the bit rate of the line; nullopt if no setting has it. A new bit rate applies after the answer.
   std::optional<unsigned> baud() const noexcept;
   // Returns the index of the request that was executed last, or refused by its own answer.
   std::optional<std::size_t> newest_request() const noexcept { return newest_request_; }

@@ -32,7 +32,7 @@ class FrameAnswer {
   bool is_given() const noexcept { return !parts_.empty() || bytes_; }
   bool has_quantities() const noexcept { return bytes_ && bytes_->has_quantities(); }
   std::size_t longest() const noexcept { return longest_; }  // bytes
-  // Writes it to `out`, of longest() bytes at least, and returns its size.
+  // Writes the answer to `out`, and returns its size. Requires at least longest() bytes in `out`.
   std::size_t write(const FrameCaptures& captures, const FrameAnswering& with,
                     std::span<std::byte> out) const noexcept;
 

@@ -37,8 +37,8 @@ class FrameLayout final : public MessageLayout {
   // Returns the bytes before `_:*`, or of a layout without it all bytes.
   std::size_t fixed() const noexcept { return variable_.value_or(size()); }
   bool is_variable() const noexcept { return variable_.has_value(); }
-  // Returns a frame with the constants, and with `content` in place of `_:*`; all other bytes are 0, also the
-  // checks.
+  // Returns a frame with the constants and lengths, and with `content` in place of `_:*`; all other bytes are 0,
+  // also the checks.
   std::vector<std::byte> with_content(std::span<const std::byte> content) const;
   // Writes the checks of a frame after some of its bytes were changed.
   void seal(std::span<std::byte> frame) const noexcept;

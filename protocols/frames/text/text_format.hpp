@@ -27,7 +27,7 @@ class TextFormat {
   static constexpr int most_decimals = 15;
   static constexpr double largest = 1e15;  // magnitude at which numbers saturate
 
-  // Reads a format from the beginning of the text, and removes it. Throws std::invalid_argument.
+  // Reads a format at the beginning of `text`, and removes its characters. Throws std::invalid_argument.
   static TextFormat take(std::string_view& text);
 
   // The unit in which the number is given: the unit in its name, seconds of the day, or degrees.
@@ -35,18 +35,19 @@ class TextFormat {
   Value value() const noexcept;
   // Returns the characters of every text, but of numbers that do not fit into their zeros; 0 if they vary.
   std::size_t fixed_size() const noexcept;
-  // Returns the step between two numbers, 0 if it varies.
+  // Returns the step between adjacent numbers; 0 if the step is not constant.
   double step() const noexcept;
   int width() const noexcept { return width_; }  // characters at least
   std::size_t longest() const noexcept;          // characters, 1 to 64
   bool may_be_empty() const noexcept { return may_be_empty_; }
-  // Returns true for a number whose length varies with it.
+  // Returns true for a format whose text length depends on the number.
   bool is_number() const noexcept {
     return kind_ == Kind::fixed || kind_ == Kind::scientific || kind_ == Kind::integer;
   }
-  // Returns true if the text of a choice of two is the one of values above 0.
+  // For a choice of two texts: returns true if `text` is the text for values above 0.
   bool is_above(std::string_view text) const noexcept { return choice_value(text) == 1 && texts_.size() == 2; }
-  // Returns the value for which a choice has the text; of several equal texts the lowest. 0 if this is no choice.
+  // Returns the value for which a choice has the text; of equal texts, the lowest value. Returns 0 if the format
+  // is no choice.
   std::uint64_t choice_value(std::string_view text) const noexcept;
   // Returns true if the format holds an integer, whose modulus is a power of 16 if it has none of its own.
   bool is_integer() const noexcept { return kind_ == Kind::integer || kind_ == Kind::hexadecimal; }
@@ -57,20 +58,20 @@ class TextFormat {
   // Both write to `out`, which has longest() characters. Return the number of characters. `is_saturated` is set if
   // the number is beyond what the format holds; a NaN is the lowest number.
   std::size_t write(double number, char* out, bool& is_saturated) const noexcept;
-  // The same of an integer whose low digits are sent, for counters.
+  // As above, for a counter: an integer, whose low digits are written.
   std::size_t write(std::uint64_t number, char* out) const noexcept;
 
   // Returns the number, of which is_integer() has the digits; nullopt if the text is of another format, or not a
   // number.
   std::optional<double> read(std::string_view text) const noexcept;
   std::optional<std::uint64_t> read_integer(std::string_view text) const noexcept;
-  // Returns the seconds of the day, or the degrees without sign; nullopt if this is another format, or the text has
-  // no such number.
+  // Returns the seconds of the day, or the degrees without sign; nullopt if the format is neither a time nor an
+  // angle, or the text has no such number.
   std::optional<double> read_sexagesimal(std::string_view text) const noexcept;
   // Returns true if the text has the format.
   bool matches(std::string_view text) const noexcept;
-  // Returns the size of the text of a choice with which `text` begins; nullopt if this is no choice, or it begins
-  // with none of them. A text that ends too early is its own size.
+  // Returns the size of the choice's text with which `text` begins; nullopt if the format is no choice, or `text`
+  // begins with none of its texts. If `text` ends too early, its own size is returned.
   std::optional<std::size_t> chosen(std::string_view text) const noexcept;
 
  private:

@@ -1,4 +1,4 @@
-// TextLayout: a line of text, compiled into a list of its pieces. One list serves encoder and decoder.
+// TextLayout: a line of text, compiled into a list of its pieces. Encoder and decoder use the same list.
 #pragma once
 
 #include <array>
@@ -36,7 +36,7 @@ class TextLayout final : public MessageLayout {
   void read_fields(std::span<const std::byte> frame, std::span<FieldValue> values) const noexcept override;
 
  private:
-  // The places at which the pieces of a frame begin, and at last its end.
+  // The offsets at which the pieces of a frame begin; the last element is the end of the frame.
   using Places = std::array<std::uint16_t, most_pieces + 1>;
   class Compiler;
 
@@ -58,7 +58,7 @@ class TextLayout final : public MessageLayout {
 
   static FieldValue field_value(const TextPiece& piece, std::string_view text) noexcept;
 
-  // A name in fields(), by the piece that has its number, and the piece that has its sign.
+  // For a name in fields(): the piece with the number, and the piece with its sign.
   struct Named {
     std::size_t number = 0;
     std::optional<std::size_t> sign = {};

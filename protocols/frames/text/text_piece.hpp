@@ -35,7 +35,7 @@ struct TextPiece {
   std::vector<Extent> extents{};
 
   std::size_t longest() const noexcept;  // characters
-  // Returns the characters of a field that is not left out; 0 if they vary.
+  // Returns the number of characters of a field that is not left out; 0 if the number is not constant.
   std::size_t fixed_size() const noexcept;
   std::uint64_t period() const noexcept;  // of a clock or counter: the values it has; 0: 2^64
 };
