@@ -1,17 +1,16 @@
 // The data messages of the sensor: layouts and scales, shared by the device and the decoder. All numbers are
 // little-endian, unsigned with an offset.
 //
-// | message | number | bits                                          | LSB, offset                         | figures
-// of merit at |
-// |---------|--------|-----------------------------------------------|-------------------------------------|---------------------|
-// | SSI2    | 61481  | 24 pitch, 24 roll                             | 1/32768 deg, -250                   | 50, 54;
-// latency 56  | | ARI     | 61482  | 16 pitch rate, 16 roll rate, 16 yaw rate      | 1/128 deg/s, -250 | 48 to 53;
-// mode 54; latency 56 | | ACCS    | 61485  | 16 lateral, 16 longitudinal, 16 vertical      | 0.01 m/s^2, -320 | 48 to
-// 53; rate 54; latency 56 | | SSI     | 61459  | 16 pitch, 16 roll, 16 pitch rate              | 0.002 deg and deg/s,
-// -64            | 48 to 53; latency 56 | | ARI-HR  | 65387  | 19 + 19 + 19                                  | 1/1024
-// deg/s, -250                  | 57 to 62            | | ACCS-HR | 65389  | 19 + 19 + 19 | 1/800 m/s^2, -320 | 57 to
-// 62            | | mag     | 65386  | 16 + 16 + 16                                  | 0.25 mG, -8 G | none | | VP |
-// 65267  | 32 latitude, 32 longitude                     | 1e-7 deg, -210                      | none |
+// | message | number | bits of each number                 | LSB, offset        | figures of merit at           |
+// |---------|--------|-------------------------------------|--------------------|-------------------------------|
+// | SSI2    | 61481  | 24: pitch, roll                     | 1/32768 deg, -250  | 50, 54; latency 56            |
+// | ARI     | 61482  | 16: pitch rate, roll rate, yaw rate | 1/128 deg/s, -250  | 48 to 53; mode 54; latency 56 |
+// | ACCS    | 61485  | 16: lateral, longitudinal, vertical | 0.01 m/s^2, -320   | 48 to 53; rate 54; latency 56 |
+// | SSI     | 61459  | 16: pitch, roll, pitch rate         | 0.002 deg(/s), -64 | 48 to 53; latency 56          |
+// | ARI-HR  | 65387  | 19                                  | 1/1024 deg/s, -250 | 57 to 62                      |
+// | ACCS-HR | 65389  | 19                                  | 1/800 m/s^2, -320  | 57 to 62                      |
+// | mag     | 65386  | 16                                  | 0.25 mG, -8 G      | none                          |
+// | VP      | 65267  | 32: latitude, longitude             | 1e-7 deg, -210     | none                          |
 #pragma once
 
 #include <algorithm>
