@@ -24,6 +24,29 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
+Json json_of(const ArrayShape& arrays) {
+  Json dimensions = Json::array();
+  for (const ArrayShape::Dimension& one : arrays.dimensions) {
+    Json dimension = {{"name", one.name}};
+    if (!one.values.empty())
+      dimension["values"] = one.values;
+    else
+      dimension.update({{"first", one.first}, {"count", one.count}});
+    dimensions.push_back(std::move(dimension));
+  }
+  return {{"rows", arrays.rows}, {"imus", arrays.imus}, {"dimensions", std::move(dimensions)}};
+}
+
+ArrayShape arrays_of(const Json& json) {
+  ArrayShape arrays{.rows = json.at("rows"), .imus = json.at("imus")};
+  for (const Json& one : json.at("dimensions"))
+    arrays.dimensions.push_back({.name = one.at("name"),
+                                 .values = one.value("values", std::vector<std::string>()),
+                                 .first = one.value("first", std::uint64_t{0}),
+                                 .count = one.value("count", std::uint64_t{0})});
+  return arrays;
+}
+
 std::string text_of(const CampaignDescription& campaign, const std::filesystem::path& folder) {
   std::error_code error;
   const std::filesystem::path from_folder = std::filesystem::relative(campaign.plan, folder, error);
@@ -36,6 +59,7 @@ std::string text_of(const CampaignDescription& campaign, const std::filesystem::
                {"version", campaign.version},
                {"build", campaign.build}};
   if (!campaign.until.empty()) json["until"] = campaign.until;
+  if (campaign.arrays.rows > 0) json["arrays"] = json_of(campaign.arrays);
   return json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n";
 }
 
@@ -155,7 +179,8 @@ void ResultFolder::read_description() {
                  json.at("version"),
                  json.value("build", ""),
                  json.value("plan_from_folder", ""),
-                 json.value("until", "")};
+                 json.value("until", ""),
+                 json.contains("arrays") ? arrays_of(json["arrays"]) : ArrayShape()};
   } catch (const nlohmann::json::exception&) {
     throw OpenError(fmt::format("{}: is damaged; give another folder", file.string()));
   }
@@ -188,7 +213,7 @@ ResultFolder::Listing ResultFolder::list() const {
       if (const auto of = cases_of_shard(temporary->name + ".jsonl");
           of && !is_left_behind(entry.path(), *temporary) && !is_older_than_its_shard(entry.path(), *of))
         listing.temporaries.emplace_back(std::move(*temporary), *of);
-    } else {
+    } else if (const auto of = cases_of_array(name); !of || *of != campaign_.shard_of(of->first)) {
       listing.others.push_back(name);
     }
   }
@@ -221,6 +246,16 @@ std::optional<Shard> ResultFolder::read(const CaseRange& shard, std::string& fau
     fault = "is of another plan or another build of imud";
     return std::nullopt;
   }
+  if (read && campaign_.arrays.rows > 0) {
+    const std::uint64_t size = campaign_.arrays.bytes(shard.size());
+    std::error_code error;
+    const std::string name = array_name(shard);
+    if (!read->arrays || read->arrays->bytes != size ||
+        std::filesystem::file_size(shards_path() / name, error) != size || error) {
+      fault = fmt::format("lacks its arrays: {} must have {} bytes", name, size);
+      return std::nullopt;
+    }
+  }
   for (std::size_t i = 0; read && i < read->rows.size(); ++i) try {
       static_cast<void>(RowResult(read->rows[i]));
     } catch (const nlohmann::json::exception&) {
@@ -228,6 +263,14 @@ std::optional<Shard> ResultFolder::read(const CaseRange& shard, std::string& fau
       return std::nullopt;
     }
   return read;
+}
+
+std::string ResultFolder::fault_of_arrays(const Shard& shard) const {
+  if (campaign_.arrays.rows == 0) return {};
+  const std::string name = array_name(shard.head.cases);
+  return digest_of_array(shards_path() / name) == shard.arrays
+             ? std::string()
+             : fmt::format("has other arrays than its footer says: {} has changed", name);
 }
 
 std::size_t ResultFolder::remove_left_behind() const {

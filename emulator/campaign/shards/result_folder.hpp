@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "emulator/campaign/shards/shard.hpp"
+#include "emulator/campaign/shards/shard_arrays.hpp"
 
 namespace imud {
 
@@ -25,6 +26,7 @@ struct CampaignDescription {
   std::string build = {};             // of imud; empty in a folder of an imud that did not store it
   std::string plan_from_folder = {};  // the plan's path relative to the folder; empty if there is none
   std::string until = {};             // the text of a StopRule; empty: all cases are run
+  ArrayShape arrays = {};
 
   // Returns the shard that has a case.
   CaseRange shard_of(std::uint64_t index) const noexcept;
@@ -73,8 +75,11 @@ class ResultFolder {
   std::vector<CaseRange> at_work() const;
   bool has(const CaseRange& shard) const;
   // Reads a shard of this campaign; nullopt with the reason in `fault` if it is not whole, has a row that is no
-  // result, or is of another campaign.
+  // result, is of another campaign, or lacks its arrays: there is no file of their size.
   std::optional<Shard> read(const CaseRange& shard, std::string& fault) const;
+  // Returns how the arrays of a shard differ from what its footer says, which reads all of them; empty if they do
+  // not.
+  std::string fault_of_arrays(const Shard& shard) const;
   // Removes the temporary files that processes of this host have left behind, and any that nobody has written for a
   // day. Returns how many.
   std::size_t remove_left_behind() const;

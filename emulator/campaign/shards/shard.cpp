@@ -89,8 +89,11 @@ std::string header_of(const ShardHead& head) {
       .dump();
 }
 
-std::string footer_of(std::uint64_t rows, std::string sha256) {
-  return Json({{"rows", rows}, {"sha256", std::move(sha256)}}).dump();
+std::string footer_of(std::uint64_t rows, const std::optional<ArrayDigest>& arrays, std::string sha256) {
+  Json footer = {{"rows", rows}};
+  if (arrays) footer["arrays"] = {{"bytes", arrays->bytes}, {"sha256", arrays->sha256}};
+  footer["sha256"] = std::move(sha256);
+  return footer.dump();
 }
 
 // Returns the JSON object in a line; an empty one if the line has none.
@@ -105,6 +108,15 @@ std::optional<ShardHead> head_in(const std::string& line) {
     if (object.at("campaign") != 1) return std::nullopt;
     return ShardHead{
         object.at("plan"), object.at("version"), object.value("build", ""), {object.at("first"), object.at("last")}};
+  } catch (const nlohmann::json::exception&) {
+    return std::nullopt;
+  }
+}
+
+std::optional<ArrayDigest> arrays_in(const std::string& footer) {
+  try {
+    const Json arrays = object_in(footer).at("arrays");
+    return ArrayDigest{arrays.at("bytes"), arrays.at("sha256")};
   } catch (const nlohmann::json::exception&) {
     return std::nullopt;
   }
@@ -203,7 +215,9 @@ std::optional<Shard> read_shard(const std::filesystem::path& path, std::string& 
   add();
   while (next()) {
     if (shard.rows.size() == rows) {
-      if (line != footer_of(rows, digest.end())) return refuse("has a footer that does not agree with its content");
+      shard.arrays = arrays_in(line);
+      if (line != footer_of(rows, shard.arrays, digest.end()))
+        return refuse("has a footer that does not agree with its content");
       if (file.peek() != std::ifstream::traits_type::eof()) return refuse("goes on behind its footer");
       return shard;
     }
@@ -274,10 +288,10 @@ void ShardWriter::add(std::string_view row) {
   write(row);
 }
 
-bool ShardWriter::commit() {
+bool ShardWriter::commit(const std::optional<ArrayDigest>& arrays) {
   if (rows_ != cases_.size())
     throw std::runtime_error(fmt::format("{}: {} of {} rows", temporary_.string(), rows_, cases_.size()));
-  const std::string footer = footer_of(rows_, digest_.end());
+  const std::string footer = footer_of(rows_, arrays, digest_.end());
   held_.append(footer).push_back('\n');
   flush();
   if (::fsync(file_.get()) != 0) fail(temporary_, errno);

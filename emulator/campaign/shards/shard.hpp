@@ -34,9 +34,17 @@ struct ShardHead {
   friend bool operator==(const ShardHead&, const ShardHead&) = default;
 };
 
+// The file with the measurements of the cases (shard_arrays.hpp). The footer has its size and its digest.
+struct ArrayDigest {
+  std::uint64_t bytes = 0;
+  std::string sha256;
+  friend bool operator==(const ArrayDigest&, const ArrayDigest&) = default;
+};
+
 struct Shard {
   ShardHead head;
-  std::vector<std::string> rows;  // of each case: JSON in one line
+  std::vector<std::string> rows;                     // of each case: JSON in one line
+  std::optional<ArrayDigest> arrays = std::nullopt;  // nullopt: there are none
 };
 
 // The result in a row.
@@ -107,7 +115,7 @@ class ShardWriter {
   void add(std::string_view row);
   // Writes the footer, waits until the disk has the file, and gives it its name. The rows of all cases were added.
   // Returns false if somebody has removed the temporary file: then there is no shard.
-  bool commit();
+  bool commit(const std::optional<ArrayDigest>& arrays = std::nullopt);
 
  private:
   void write(std::string_view line);

@@ -7,14 +7,20 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <array>
 #include <csignal>
+#include <cstddef>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <random>
+#include <span>
+#include <stdexcept>
 #include <string>
+#include <vector>
 
 #include "emulator/campaign/shards/result_folder.hpp"
+#include "emulator/campaign/shards/shard_arrays.hpp"
 #include "emulator/ground/text_file.hpp"
 #include "tests/support/text.hpp"
 #include "tests/tools/run_program.hpp"
@@ -67,6 +73,33 @@ TEST_F(Shards, AreReadAsTheyAreWritten) {
   Sha256Stream digest(false);
   digest.add(std::string_view(text).substr(0, footer));
   EXPECT_EQ(text.substr(footer), fmt::format("{{\"rows\":3,\"sha256\":\"{}\"}}\n", digest.end()));
+}
+
+// The cases are written in any order, by any process; a file that was removed between them lacks one.
+TEST_F(Shards, HaveArraysOfAllCasesOrNone) {
+  const CaseRange cases{3, 4};
+  const ShardArrays arrays(folder_, {.rows = 2, .imus = {"a", "b"}});
+  const std::vector<std::byte> rows = rows_without_value(2);
+  const auto write = [&](std::uint64_t index, std::size_t imu) {
+    std::vector<std::byte> block = rows;
+    block.back() = static_cast<std::byte>(10 * index + imu);
+    arrays.writer(cases, index)(imu, block);
+  };
+  EXPECT_FALSE(arrays.commit(cases));
+  for (const bool is_removed : {true, false}) {
+    write(4, 0);
+    write(3, 0);
+    if (is_removed) arrays.release(cases);
+    write(4, 1);
+    write(3, 1);
+    EXPECT_EQ(arrays.commit(cases).has_value(), !is_removed);
+  }
+  EXPECT_EQ(names(), std::vector<std::string>{"000000003-000000004.rows"});
+  const std::string text = read_file(folder_ / "000000003-000000004.rows");
+  ASSERT_EQ(text.size(), 4 * rows.size());
+  for (std::size_t i = 0; i < 4; ++i) EXPECT_EQ(text[(i + 1) * rows.size() - 1], (std::array{30, 40, 31, 41})[i]);
+  EXPECT_THROW(arrays.writer(cases, 3)(2, rows), std::runtime_error);
+  EXPECT_THROW(arrays.writer(cases, 3)(0, std::span(rows).first(128)), std::runtime_error);
 }
 
 TEST_F(Shards, ThatAreCutAnywhereAreNotWhole) {
