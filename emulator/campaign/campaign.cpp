@@ -46,6 +46,23 @@ std::size_t error_figures(const Campaign& campaign, const Config& config) {
   return of_imu * config.imus.size() * (1 + static_cast<std::size_t>(instants));
 }
 
+ArrayShape arrays_of(const Campaign& campaign) {
+  if (campaign.arrays == 0) return {};
+  ArrayShape shape{.rows = campaign.arrays};
+  for (const ImuConfig& imu : config_of(campaign, case_of(campaign, 0)).imus) shape.imus.push_back(imu.name);
+  for (const CampaignAxis& axis : campaign.axes) {
+    auto& dimension = shape.dimensions.emplace_back(ArrayShape::Dimension{.name = axis.name});
+    for (const CampaignAxis::Value& value : axis.values) dimension.values.push_back(value.text);
+  }
+  if (campaign.draws) shape.dimensions.push_back({.name = "draw", .first = 0, .count = campaign.draws->plan.count});
+  shape.dimensions.push_back({.name = "seed", .first = campaign.seeds.first, .count = campaign.seeds.size()});
+  return shape;
+}
+
+std::uint64_t array_bytes(const Campaign& campaign, const Config& config) {
+  return config.imus.size() * ArrayShape{.rows = campaign.arrays}.block_bytes();
+}
+
 CampaignCase case_of(const Campaign& campaign, std::uint64_t index) {
   if (index >= campaign.cases())
     throw std::out_of_range(

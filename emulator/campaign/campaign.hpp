@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "emulator/campaign/cases/draws.hpp"
+#include "emulator/campaign/shards/shard_arrays.hpp"
 #include "emulator/plan/config.hpp"
 #include "emulator/seeds/seeds.hpp"
 
@@ -43,6 +44,7 @@ struct CampaignSlurm {
 
 struct Campaign {
   static constexpr std::uint64_t most_cases = 1'000'000'000;
+  static constexpr std::uint64_t most_array_rows = 1'000'000;
 
   std::string file;                    // of the plan; absolute
   std::string base;                    // configuration; absolute
@@ -56,6 +58,7 @@ struct Campaign {
   std::string until;               // the text of a StopRule; empty: all cases are run
   bool integrated_errors = false;  // rows have the errors of each imu, integrated over the run
   double errors_every_s = 0;       // and up to the instants at these distances; 0: none
+  std::uint64_t arrays = 0;        // measurements of each case and imu that are kept as rows; 0: none
   std::optional<CampaignTest> test;
   CampaignSlurm slurm;
   std::string sha256;  // of the plan's text, in hexadecimal
@@ -72,6 +75,11 @@ Campaign read_campaign(const std::string& path);
 // Returns the number of figures of integrated errors of a case. `config`: config_of() the case, whose capture is
 // read.
 std::size_t error_figures(const Campaign& campaign, const Config& config);
+
+// Returns the shape of the arrays of a campaign. Throws ConfigError.
+ArrayShape arrays_of(const Campaign& campaign);
+// Returns the bytes of the arrays of a case. `config`: config_of() the case.
+std::uint64_t array_bytes(const Campaign& campaign, const Config& config);
 
 struct CampaignCase {
   std::uint64_t index = 0;

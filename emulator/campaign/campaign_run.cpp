@@ -59,7 +59,7 @@ std::size_t expected_row_size(const Campaign& campaign, const Config& config) {
   for (const auto& [name, text] : columns_of(campaign, first)) size += name.size() + text.size() + of_text;
   for (const ExpectConfig& one : config.expectations) size += one.name.size() + 2 * of_text;
   if (campaign.integrated_errors) size += of_error * error_figures(campaign, config_of(campaign, first));
-  return size;
+  return size + array_bytes(campaign, config);
 }
 
 // Throws OpenError unless the cases are whole shards.
@@ -82,7 +82,8 @@ void require_room_for(const MissingCases& missing, const ResultFolder& folder, c
   if (missing.items() == 0) return;
   double row_bytes = 0;
   if (kept.rows > 0) {
-    row_bytes = static_cast<double>(kept.bytes) / static_cast<double>(kept.rows);
+    row_bytes = static_cast<double>(kept.bytes) / static_cast<double>(kept.rows) +
+                static_cast<double>(folder.campaign().arrays.bytes(1));
   } else {
     try {
       const Config& config = runner.prepare(case_of(campaign, missing.case_of(0)));
@@ -109,7 +110,8 @@ class MissingRun {
         options_(options),
         progress_(!options.quiet),
         claims_(folder),
-        shards_(folder, missing, claims_) {}
+        arrays_(folder.shards_path(), folder.campaign().arrays),
+        shards_(folder, missing, claims_, arrays_) {}
 
   // Runs the cases until all are done, `stop` has ended, or a signal comes. Returns true if all are done.
   bool run(SequentialStop& stop);
@@ -127,6 +129,7 @@ class MissingRun {
   const CampaignRunOptions& options_;
   ProgressLine progress_;
   ShardClaims claims_;
+  ShardArrays arrays_;
   ShardsAtWork shards_;
   std::uint64_t failed_ = 0, short_ = 0;  // cases that are logged
 };
@@ -144,7 +147,9 @@ std::string MissingRun::work(std::uint64_t item, bool yields) {
   const ShardToWrite& shard = missing_.shards()[missing_.shard_of(item)];
   if (is_done_by_others(shard, !yields && !options_.cases)) return std::string(left_to_others);
   if (!claims_.claim(shard.cases, yields)) return std::string(put_off);
-  std::optional<CaseRunner::Result> result = runner_.run(missing_.case_of(item), workers_stop(), {});
+  const std::uint64_t index = missing_.case_of(item);
+  std::optional<CaseRunner::Result> result =
+      runner_.run(index, workers_stop(), {.rows = arrays_.writer(shard.cases, index)});
   return result ? std::move(result->row) : std::string(was_stopped);
 }
 
@@ -278,7 +283,9 @@ void require_room(const std::string& folder, std::uint64_t cases, double row_byt
 }
 
 ResultFolder open_result_folder(const std::string& folder, const Campaign& campaign) {
-  return {folder, description_of(campaign), text_of_plan(campaign.file)};
+  CampaignDescription description = description_of(campaign);
+  description.arrays = arrays_of(campaign);
+  return {folder, description, text_of_plan(campaign.file)};
 }
 
 Campaign campaign_of(const ResultFolder& folder) {

@@ -49,7 +49,7 @@ double estimated_row(const Campaign& campaign, const CampaignCase& c, const Conf
     bytes += (name.size() + per_figure) * (is_of_imu ? summary.imus.size() : 1);
   }
   for (const Summary::Imu& imu : summary.imus) bytes += per_imu + imu.name.size();
-  return static_cast<double>(bytes);
+  return static_cast<double>(bytes + array_bytes(campaign, config));
 }
 
 }  // namespace

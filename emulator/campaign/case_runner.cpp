@@ -11,6 +11,7 @@
 
 #include "emulator/campaign/cases/case_figures.hpp"
 #include "emulator/campaign/cases/case_port.hpp"
+#include "emulator/campaign/cases/case_rows.hpp"
 #include "emulator/campaign/tested_case.hpp"
 #include "emulator/config/scenario.hpp"
 #include "emulator/engine/closing.hpp"
@@ -55,6 +56,7 @@ std::string line_of(const Row& row) { return row.dump(-1, ' ', false, Row::error
 struct CasePorts {
   const Config& config;
   std::vector<MeasuredSumsOverTime> sums;                  // of each imu; empty: errors are not integrated
+  std::vector<CaseRows> rows;                              // of each imu; empty: there are no arrays
   const std::optional<std::size_t> tested = std::nullopt;  // the imu whose line is opened
   std::map<std::string, std::string> digests = {};         // by "IMU" and "IMU.second_port"
 
@@ -65,9 +67,10 @@ struct CasePorts {
     if (!is_line && !is_copy) return std::make_unique<NoPort>();
     const ImuConfig& imu = config.imus[use.imu];
     std::function<void(const Measurement&, DeviceTime)> receive;
-    if (!sums.empty() && use.number == 0)
-      receive = [&of_imu = sums[use.imu]](const Measurement& measurement, DeviceTime time) {
-        of_imu.add(measurement, time);
+    if ((!sums.empty() || !rows.empty()) && use.number == 0)
+      receive = [this, at = use.imu](const Measurement& measurement, DeviceTime time) {
+        if (!sums.empty()) sums[at].add(measurement, time);
+        if (!rows.empty()) rows[at].add(measurement);
       };
     return std::make_unique<CasePort>(
         imu,
@@ -151,7 +154,10 @@ std::optional<CaseRunner::Result> CaseRunner::run(std::uint64_t index, const std
     if (campaign_.test) tested.emplace(campaign_, one, config, shown.of_test);
     CasePorts ports{.config = config,
                     .sums = {prepared_->sums.begin(), prepared_->sums.end()},
+                    .rows = {},
                     .tested = tested ? std::optional(tested->imu()) : std::nullopt};
+    for (const ImuConfig& imu : config.imus)
+      if (campaign_.arrays > 0) ports.rows.emplace_back(campaign_.arrays, imu.protocol->absent_rates);
     SeedRun replay{.truths = prepared_->truths.get(), .repeats = prepared_->repeats};
     std::optional<Recorder> recorder;
     if (!shown.record.empty()) {
@@ -201,6 +207,10 @@ std::optional<CaseRunner::Result> CaseRunner::run(std::uint64_t index, const std
       for (const auto& [name, value] :
            integrated_errors(ports.sums[i], prepared_->sums[i], config.imus[i].protocol->absent_rates))
         row["figures"][fmt::format("{}.{}", config.imus[i].name, name)] = value;
+    for (std::size_t i = 0; i < ports.rows.size(); ++i) {
+      row["figures"][config.imus[i].name + ".rows_cut"] = ports.rows[i].cut();
+      if (shown.rows) shown.rows(i, ports.rows[i].finish());
+    }
     row["expect"] = Row::object();
     for (const Expected& expected : outcome.expected) row["expect"][expected.name] = expected.holds;
     row["shortfalls"] = outcome.shortfalls;

@@ -34,6 +34,8 @@ class CaseRunner {
   struct Shown {
     std::string record = {};  // a file that gets the record of the case; empty: none
     bool of_test = false;     // the output of [test] goes to standard error
+    // Gets the rows of each imu, if the campaign has arrays; nullptr: nobody wants them.
+    ShardArrays::Write rows = nullptr;
   };
   // Runs a case. Opens no port but the port of [test]. A case that cannot be run
   // has a row with `error`. Returns nullopt if `stop` has ended it.

@@ -58,6 +58,7 @@ MissingCases::MissingCases(const ResultFolder& folder, const CaseRange& range, c
     std::string fault;
     std::optional<Shard> shard = folder.read(cases, fault);
     if (shard) fault = fault_of_rows(*shard);
+    if (shard && fault.empty()) fault = folder.fault_of_arrays(*shard);
     if (!fault.empty()) shard.reset();
     if (!shard) {
       if (++damaged <= most_logged) spdlog::warn("{} {}: its cases are run again", shard_name(cases), fault);

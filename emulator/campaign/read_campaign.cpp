@@ -257,6 +257,7 @@ Campaign read_campaign(const std::string& path) {
   campaign.errors_every_s = plan.real("integrated_errors_every_s", 0, 1e-3, 1e6);
   if (campaign.errors_every_s > 0 && !campaign.integrated_errors)
     plan.fault("integrated_errors_every_s", "needs integrated_errors = true");
+  campaign.arrays = plan.unsigned_integer("arrays", 0, Campaign::most_array_rows);
   campaign.axes = read_axes(plan.node("axes"), folder, faults);
   campaign.draws = read_draws(plan.child("draws"), text.root.get("draws"), faults);
   if (plan.has("test")) campaign.test = read_test(plan.child("test"));

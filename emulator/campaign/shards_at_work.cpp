@@ -10,7 +10,12 @@
 namespace imud {
 
 ShardsAtWork::~ShardsAtWork() {
-  for (const std::uint64_t first : claimed_) claims_.release(folder_.campaign().shard_of(first));
+  for (const std::uint64_t first : claimed_) release(folder_.campaign().shard_of(first));
+}
+
+void ShardsAtWork::release(const CaseRange& shard) const noexcept {
+  claims_.release(shard);
+  arrays_.release(shard);
 }
 
 void ShardsAtWork::go_on(const std::vector<std::size_t>& items) {
@@ -34,6 +39,7 @@ void ShardsAtWork::take(std::uint64_t item, std::string row) {
   ++done_;
   ++at_work.taken;
   at_work.tally.add(result);
+  if (result.could_not_be_run && arrays_.are_asked_for()) arrays_.clear(shard.cases, index);
   if (!at_work.writer)
     at_work.writer = std::make_unique<ShardWriter>(folder_.shards_path(), folder_.campaign().head(shard.cases));
   for (auto next = at_work.rows.begin(); next != at_work.rows.end() && next->first == at_work.next;
@@ -41,7 +47,7 @@ void ShardsAtWork::take(std::uint64_t item, std::string row) {
     at_work.writer->add(next->second);
   if (at_work.next <= shard.cases.last) return;
   if (!is_there_as_good(shard, at_work.tally.could_not_be_run)) {
-    if (!at_work.writer->commit()) {
+    if (!commit(at_work, shard)) {
       spdlog::warn("{}: its temporary file was removed while it was written: its cases are run again",
                    shard_name(shard.cases));
       done_ -= at_work.taken;
@@ -53,6 +59,15 @@ void ShardsAtWork::take(std::uint64_t item, std::string row) {
   }
   tally_.add(at_work.tally);
   end(number);
+}
+
+// Returns false if somebody has removed a temporary file.
+bool ShardsAtWork::commit(AtWork& at_work, const ShardToWrite& shard) const {
+  if (!arrays_.are_asked_for()) return at_work.writer->commit();
+  for (std::uint64_t index = shard.cases.first; shard.kept() > 0 && index <= shard.cases.last; ++index)
+    if (!std::ranges::binary_search(shard.to_run, index)) arrays_.keep(shard.cases, index);
+  const std::optional<ArrayDigest> arrays = arrays_.commit(shard.cases);
+  return arrays && at_work.writer->commit(arrays);
 }
 
 void ShardsAtWork::leave(std::uint64_t item) {
@@ -116,7 +131,7 @@ bool ShardsAtWork::is_there_as_good(const ShardToWrite& shard, std::uint64_t fai
 void ShardsAtWork::end(std::size_t number) {
   const ShardToWrite& shard = cases_.shards()[number];
   at_work_.erase(number);
-  if (claimed_.erase(shard.cases.first) > 0) claims_.release(shard.cases);
+  if (claimed_.erase(shard.cases.first) > 0) release(shard.cases);
   stored_ += shard.items();
   ++ended_;
   done_ahead_.insert(number);

@@ -12,6 +12,7 @@
 
 #include "emulator/campaign/missing_cases.hpp"
 #include "emulator/campaign/shards/result_folder.hpp"
+#include "emulator/campaign/shards/shard_arrays.hpp"
 #include "emulator/campaign/shards/shard_claims.hpp"
 
 namespace imud {
@@ -20,8 +21,8 @@ namespace imud {
 class ShardsAtWork {
  public:
   // All must outlive this.
-  ShardsAtWork(const ResultFolder& folder, const MissingCases& cases, ShardClaims& claims)
-      : folder_(folder), cases_(cases), claims_(claims) {}
+  ShardsAtWork(const ResultFolder& folder, const MissingCases& cases, ShardClaims& claims, const ShardArrays& arrays)
+      : folder_(folder), cases_(cases), claims_(claims), arrays_(arrays) {}
   // Removes the files of the shards that are not whole.
   ~ShardsAtWork();
   ShardsAtWork(const ShardsAtWork&) = delete;
@@ -58,11 +59,14 @@ class ShardsAtWork {
   bool is_done(std::size_t number) const { return number < first_not_done_ || done_ahead_.contains(number); }
   std::map<std::uint64_t, std::string> rows_that_stay(const ShardToWrite& shard) const;
   bool is_there_as_good(const ShardToWrite& shard, std::uint64_t failed) const;
+  bool commit(AtWork& at_work, const ShardToWrite& shard) const;
+  void release(const CaseRange& shard) const noexcept;
   void end(std::size_t number);
 
   const ResultFolder& folder_;
   const MissingCases& cases_;
   ShardClaims& claims_;
+  const ShardArrays& arrays_;
   std::map<std::size_t, AtWork> at_work_;  // by the number of the shard
   std::set<std::uint64_t> claimed_;        // the first cases of shards that may have a file
   std::set<std::uint64_t> put_off_;        // items

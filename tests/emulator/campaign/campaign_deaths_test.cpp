@@ -5,6 +5,8 @@
 #include <cmath>
 #include <csignal>
 #include <cstdlib>
+#include <filesystem>
+#include <fstream>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <numbers>
@@ -16,6 +18,7 @@
 #include <vector>
 
 #include "emulator/campaign/shards/result_folder.hpp"
+#include "emulator/campaign/shards/shard_arrays.hpp"
 #include "emulator/campaign/shards/wilson.hpp"
 #include "tests/emulator/campaign/campaign_test.hpp"
 #include "tests/support/text.hpp"
@@ -35,7 +38,8 @@ class CampaignDeaths : public CampaignWithResults {
 // Each process is killed after a time that may be anywhere in its life. A case at which two workers were killed has a
 // row with an error, which the next call does again.
 TEST_F(CampaignDeaths, KillsAtRandomLoseNothing) {
-  write("plan.toml", head + "seeds = \"1..400\"\nbatch = 20\n[axes]\n\"imu.imu1.rate_hz\" = [100, 200]\n");
+  write("plan.toml",
+        head + "seeds = \"1..400\"\nbatch = 20\narrays = 20\n[axes]\n\"imu.imu1.rate_hz\" = [100, 200]\n");
   const std::vector<std::string> whole = {"campaign", "run", path("plan.toml"), "--into", path("whole"), "--quiet"};
   const auto begin = std::chrono::steady_clock::now();
   ASSERT_EQ(run_program("imud", whole).exit_code, 0);
@@ -76,6 +80,62 @@ TEST_F(CampaignDeaths, KillsAtRandomLoseNothing) {
   const ProgramResult last = run_program("imud", {"campaign", "resume", path("killed")});
   EXPECT_EQ(last.exit_code, 0) << last.errors;
   EXPECT_EQ(shards("killed"), shards("whole"));
+}
+
+// Whatever becomes of the file of a shard's arrays is found, and the shard is made again, or a row of it alone.
+TEST_F(CampaignDeaths, ArraysThatAreDamagedAreMadeAgain) {
+  plan("seeds = \"1..3\"\nbatch = 4\narrays = 15\n[axes]\n\"imu.imu1.rate_hz\" = [100, 50]\n");
+  ASSERT_EQ(run("runs", {"--jobs", "1"}).exit_code, 0);
+  ASSERT_EQ(run("many", {"--jobs", "4"}).exit_code, 0);
+  const auto whole = shards("runs");
+  EXPECT_EQ(shards("many"), whole);
+  const std::string name = "000000000-000000003.rows", file = path("runs/shards/") + name, bytes = whole.at(name);
+  EXPECT_EQ(bytes.size(), 4U * 15 * 128);
+  EXPECT_EQ(whole.size(), 4U);  // a shard and its arrays, twice
+  // 20 measurements at 100 Hz are cut to 15; 10 at 50 Hz are not.
+  EXPECT_GT(rows("runs").at(0)["figures"]["imu1.rows_cut"], 0);
+  EXPECT_EQ(rows("runs").at(5)["figures"]["imu1.rows_cut"], 0);
+  const auto expect_repaired = [&](const std::string& said) {
+    const ProgramResult done = resume("runs");
+    EXPECT_EQ(done.exit_code, 0) << done.errors;
+    EXPECT_TRUE(contains(done.errors, said)) << done.errors;
+    EXPECT_EQ(shards("runs"), whole);
+  };
+  const std::string lacks = "000000000-000000003.jsonl lacks its arrays: " + name + " must have 7680 bytes";
+  std::filesystem::resize_file(file, bytes.size() - 1);
+  EXPECT_EQ(status("runs").exit_code, 3);
+  EXPECT_TRUE(contains(status("runs").output, lacks)) << status("runs").output;
+  expect_repaired(lacks);
+  std::filesystem::remove(file);
+  expect_repaired(lacks);
+  std::ofstream(file, std::ios::binary) << bytes.substr(0, 5000) << '!' << bytes.substr(5001);
+  expect_repaired("has other arrays than its footer says: " + name + " has changed");
+
+  // A case that could not be run has no values; the others of its shard keep theirs when it is run again.
+  const ResultFolder folder(path("runs"));
+  std::string fault;
+  Shard shard = folder.read({0, 3}, fault).value();
+  nlohmann::json lost = nlohmann::json::parse(shard.rows[1]);
+  lost.update({{"exit_code", 1}, {"error", "a worker process was ended by signal 9"}});
+  const ShardArrays arrays(folder.shards_path(), folder.campaign().arrays);
+  for (const std::uint64_t kept : {0U, 2U, 3U}) arrays.keep({0, 3}, kept);
+  arrays.clear({0, 3}, 1);
+  const auto digest = arrays.commit({0, 3});
+  ASSERT_TRUE(digest);
+  EXPECT_NE(digest, shard.arrays);
+  ShardWriter writer(folder.shards_path(), shard.head);
+  for (std::size_t i = 0; i < shard.rows.size(); ++i) writer.add(i == 1 ? lost.dump() : shard.rows[i]);
+  ASSERT_TRUE(writer.commit(digest));
+  expect_repaired("5 of 6 cases are done already");
+}
+
+TEST_F(CampaignDeaths, ArraysThatDoNotFitAreRefused) {
+  plan("seeds = \"1..10000000\"\narrays = 1000000\n");
+  const ProgramResult checked = run_program("imud", {"campaign", "check", path("plan.toml")});
+  EXPECT_TRUE(contains(checked.output, "128 MB a case, 1.28e+06 GB for all")) << checked.output << checked.errors;
+  const ProgramResult refused = run("runs");
+  EXPECT_EQ(refused.exit_code, 2);
+  EXPECT_TRUE(contains(refused.errors, "10000000 cases write about 1.28e+09 MB")) << refused.errors;
 }
 
 // The sum of delta-angles about an axis of a gyro whose only error is an angular random walk N is normal, with the

@@ -100,6 +100,7 @@ class CampaignWithResults : public CampaignFolder {
   std::vector<nlohmann::json> rows(const std::string& folder) const {
     std::vector<nlohmann::json> all;
     for (const auto& [name, text] : shards(folder)) {
+      if (!name.ends_with(".jsonl")) continue;
       const std::vector<std::string> lines = lines_of(text);
       for (std::size_t i = 1; i + 1 < lines.size(); ++i) all.push_back(nlohmann::json::parse(lines[i]));
     }

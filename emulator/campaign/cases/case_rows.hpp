@@ -1,0 +1,32 @@
+// CaseRows: the measurements of an imu in a case, as rows of an array of the campaign.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "protocols/protocol.hpp"
+
+namespace imud {
+
+class CaseRows {
+ public:
+  // `count`: the rows of each case. `absent_rates`: of Protocol. All memory is taken here.
+  CaseRows(std::uint64_t count, unsigned absent_rates);
+
+  // Adds the row of a measurement, as `imud replay --npy` writes it. A row behind the last one is cut off.
+  void add(const Measurement& measurement) noexcept;
+  // Returns how many were cut off.
+  std::uint64_t cut() const noexcept { return measurements_ > count_ ? measurements_ - count_ : 0; }
+  // Returns all rows. Those behind the last measurement have no value.
+  std::span<const std::byte> finish();
+
+ private:
+  const std::uint64_t count_;
+  const unsigned absent_rates_;
+  std::uint64_t measurements_ = 0;
+  std::vector<std::byte> rows_;
+};
+
+}  // namespace imud
