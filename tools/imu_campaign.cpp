@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "emulator/ground/progress_line.hpp"
+#include "tools/campaign/campaign_arrays.hpp"
 #include "tools/campaign/campaign_plot.hpp"
 #include "tools/campaign/campaign_report.hpp"
 #include "tools/campaign/campaign_rows.hpp"
@@ -29,7 +30,7 @@ constexpr int incomplete = 3;
 
 struct Options {
   std::string action, folder;
-  std::string csv, sqlite, json;                  // collect; json of report, too
+  std::string csv, sqlite, json, hdf5;            // collect; json of report, too
   std::vector<std::string> figures, over, worst;  // report
   std::size_t count = 10;
   std::string picture;
@@ -56,11 +57,17 @@ int collect(const Options& options, CampaignRows& rows, bool& running) {
   if (!options.csv.empty()) tables.push_back(csv_table(options.csv));
   if (!options.json.empty()) tables.push_back(json_table(options.json));
   if (!options.sqlite.empty()) tables.push_back(sqlite_table(options.sqlite));
-  if (tables.empty())
+  if (tables.empty() && options.hdf5.empty())
     throw std::invalid_argument(
-        "collect: no table is asked for; right would be --csv FILE, --sqlite FILE, --json FILE");
+        "collect: no table is asked for; right would be --csv FILE, --sqlite FILE, --json FILE, or --hdf5 FILE for "
+        "arrays");
+  if (!options.hdf5.empty()) {
+    check_campaign_arrays(rows.campaign(), options.hdf5);
+    rows.check_arrays();
+  }
   running = true;
   const CollectedCases collected = collect_cases(rows, tables);
+  if (!options.hdf5.empty()) write_campaign_arrays(rows, options.hdf5);
   fmt::print(stderr, "imu-campaign: {} rows of {} columns\n", rows.found(), collected.columns);
   if (const std::string until = rows.until(); !until.empty()) fmt::print(stderr, "imu-campaign: {}\n", until);
   return end(rows, collected.not_run);
@@ -169,6 +176,9 @@ int execute(int argc, char** argv, bool& running) {
   outputs.add("--json", options.json,
               "collect: writes an object for each case, in a line of its own; report: writes the statistics; - is "
               "standard output");
+  outputs.add("--hdf5", options.hdf5,
+              "collect: writes the arrays of a plan with the key `arrays`: a virtual data set for each imu, with a\n"
+              "dimension for each axis, the draws, the seeds and the rows; the measurements stay in DIR");
   add(app, "--figure", options.figures, "NAME",
       "report: this column, such as imu1.samples, test.error_deg or expect.settles; may be repeated; default: the\n"
       "metrics of the test or, without any, the figures that are not the same in all cases")

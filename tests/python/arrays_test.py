@@ -82,6 +82,51 @@ class Arrays(RunTest):
         self.assertGreater(len(array), 7000)
         self.assertEqual(array["counter"].tolist(), list(range(len(array))))
 
+    def test_a_campaign_has_the_arrays_of_its_replays(self):
+        """One virtual data set for each imu, over shards that divide no axis evenly; a shard is missing, then there."""
+        imus = [f"name = '{name}'\n" + IDEAL.format(rate=rate, protocol=protocol, file=self.folder / name) +
+                "gyro.angle_random_walk_deg_per_rt_hr = 0.6\n" for name, rate, protocol in
+                (("imu1", 20, "native"), ("imu2", 10, "hg4930"))]
+        config, campaign, file = self.config(*imus), self.folder / "runs", self.folder / "a.h5"
+        (self.folder / "plan.toml").write_text(f"base = 'imu.toml'\ncapture = '{FLIGHT}'\nseeds = '3..5'\nbatch = 4\narrays = 150\n[axes]\n"
+                                               "'imu.imu1.gyro.bias_rad_per_s' = [0, 0.5]\n'imu.imu1.rate_hz' = [20, 10, 5]\n")
+        run("imud", "campaign", "run", self.folder / "plan.toml", "--into", campaign, "--quiet")
+        moved = campaign / "shards" / "000000008-000000011.jsonl"
+        moved.rename(self.folder / "moved")
+        _, errors = run("imud", "campaign", "collect", campaign, "--hdf5", file, exit_code=3)
+        self.assertIn("the cases 8 to 11 are missing", errors)
+        self.assertIn("14 of 18 cases are complete", errors)
+        self.assertLess(file.stat().st_size, 100_000)  # the measurements take 691,200 bytes
+        with h5py.File(file) as arrays:
+            there = arrays["arrays/imu1"][...].reshape(18, 150)["counter"] != 2**64 - 1
+            self.assertEqual(there.any(axis=1).tolist(), [not 8 <= case <= 11 for case in range(18)])
+            self.assertTrue(numpy.isnan(arrays["arrays/imu2"][1, 0, 0]["gyro"][:, 0]).any() and numpy.isnan(arrays["arrays/imu1"][0, 2, 2]["gyro"]).all())
+        (self.folder / "moved").rename(moved)
+        run("imud", "campaign", "collect", campaign, "--hdf5", file)
+        self.assertEqual([path.name for path in self.folder.glob("a.h5*")], ["a.h5"])
+        with h5py.File(file) as arrays:
+            self.assertEqual([axis.label for axis in arrays["arrays/imu1"].dims], ["imu.imu1.gyro.bias_rad_per_s", "imu.imu1.rate_hz", "seed", "row"])
+            self.assertEqual(arrays["axes/1"].asstr()[:].tolist(), ["20", "10", "5"])
+            self.assertEqual((arrays["axes/2"][:].tolist(), arrays["axes/2"].attrs["name"]), ([3, 4, 5], "seed"))
+            self.assertEqual(arrays["arrays/imu1"].attrs["gyro.unit"], "rad/s")
+            for i, bias in enumerate(("0", "0.5")):
+                for k, rate in enumerate((20, 10, 5)):
+                    run("imud", "replay", config, FLIGHT, "-q", "--seeds", "3..5", "--npy", self.folder / "{imu}.npy", "--set",
+                        f"imu.imu1.gyro.bias_rad_per_s={bias}", "--set", f"imu.imu1.rate_hz={rate}")
+                    for name in "imu1", "imu2":
+                        replayed, kept = numpy.load(self.folder / f"{name}.npy"), arrays[f"arrays/{name}"][i, k]
+                        self.assertEqual(kept.dtype.names, replayed.dtype.names)
+                        size = min(150, replayed.shape[1])
+                        self.assertEqual(kept[:, :size].tobytes(), replayed[:, :size].tobytes(), (bias, rate, name))
+                        self.assertTrue((kept[:, size:]["fields"] == 0).all() and numpy.isnan(kept[:, size:]["accel"]).all())
+        (campaign / "shards" / "000000004-000000007.rows").write_bytes(bytes(153_600))
+        _, errors = run("imu-campaign", "collect", campaign, "--hdf5", file, exit_code=3)
+        self.assertIn("000000004-000000007.jsonl has other arrays than its footer says", errors)
+        with h5py.File(file) as arrays:
+            self.assertTrue(numpy.isnan(arrays["arrays/imu1"][0, 1, 1]["gyro"]).all())
+        _, errors = run("imu-campaign", "collect", campaign, "--hdf5", "/dev/null", exit_code=2)
+        self.assertIn("--hdf5 /dev/null: arrays cannot go to a stream; give a file", errors)
+
     def test_faults_name_what_would_be_right(self):
         file, config = self.bytes_of("native", rate=10)
         for arguments, fault in [

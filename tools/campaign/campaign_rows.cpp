@@ -16,6 +16,7 @@ void CampaignRows::note_missing(std::uint64_t first, std::uint64_t end) {
 void CampaignRows::read(const Take& take, const std::function<void(double)>& progress) {
   faults_.clear();
   found_ = 0;
+  whole_.clear();
   struct Result {
     std::optional<Shard> shard;
     std::string fault;
@@ -26,6 +27,8 @@ void CampaignRows::read(const Take& take, const std::function<void(double)>& pro
     return std::async(std::launch::async, [this, cases = shards[number]] {
       Result result;
       result.shard = folder_.read(cases, result.fault);
+      if (result.shard && checks_arrays_) result.fault = folder_.fault_of_arrays(*result.shard);
+      if (!result.fault.empty()) result.shard.reset();
       return result;
     });
   };
@@ -44,6 +47,7 @@ void CampaignRows::read(const Take& take, const std::function<void(double)>& pro
     }
     for (std::uint64_t k = 0; k < cases.size(); ++k) take(result.shard->rows[k], cases.first + k);
     found_ += cases.size();
+    whole_.push_back(cases);
   }
   note_missing(next, cases());
 }

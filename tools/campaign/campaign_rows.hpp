@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <filesystem>
 #include <functional>
 #include <string>
 #include <string_view>
@@ -33,6 +34,12 @@ class CampaignRows {
   // shard, and the number of cases that were read.
   const std::vector<std::string>& faults() const noexcept { return faults_; }
   std::uint64_t found() const noexcept { return found_; }
+  // Returns the shards that it has found whole, ascending.
+  const std::vector<CaseRange>& whole() const noexcept { return whole_; }
+
+  // From now on a shard whose arrays differ from its footer is not whole, either.
+  void check_arrays() noexcept { checks_arrays_ = true; }
+  std::filesystem::path shards_path() const { return folder_.shards_path(); }
 
   // Return shell commands: to run the missing cases, and to run one case alone.
   std::string resume_command() const { return folder_.resume_command(); }
@@ -44,6 +51,8 @@ class CampaignRows {
   ResultFolder folder_;
   SequentialStop stop_{folder_};
   std::uint64_t found_ = 0;
+  std::vector<CaseRange> whole_;
+  bool checks_arrays_ = false;
   std::vector<std::string> faults_;
 };
 
