@@ -155,9 +155,7 @@ void check_campaign_arrays(const CampaignDescription& campaign, const std::strin
     throw std::invalid_argument(fmt::format("--hdf5 {}: arrays cannot go to a stream; give a file", path));
   if (campaign.arrays.rows == 0)
     throw std::invalid_argument(
-        "--hdf5: the campaign has kept no measurements; give `arrays = N`, the rows of each case, in the plan of a "
-        "new "
-        "folder");
+        "--hdf5: the campaign has kept no measurements; give the key `arrays`, and run it into a new folder");
   constexpr std::size_t most = H5S_MAX_RANK - 1;
   if (campaign.arrays.dimensions.size() > most)
     throw std::invalid_argument(fmt::format("--hdf5: an array has {} dimensions beside the rows, and HDF5 allows {}",
