@@ -158,12 +158,13 @@ void MissingRun::take(std::uint64_t item, std::string text) {
     shards_.leave(item);
   else if (text == put_off)
     shards_.put_off(item);
-  else if (text != was_stopped && !shards_.has(item))
+  else if (text != was_stopped)
     take_row(item, std::move(text));
 }
 
 void MissingRun::take_row(std::uint64_t item, std::string row) {
   constexpr std::uint64_t most_logged = 10;
+  if (shards_.has(item)) return shards_.drop(item);
   const RowResult result(row);
   if (result.could_not_be_run && ++failed_ <= most_logged)
     spdlog::error("case {}: {}", missing_.case_of(item), result.error);
@@ -195,7 +196,7 @@ bool MissingRun::run(SequentialStop& stop) {
          .lose =
              [&](std::size_t number, const std::string& cause) {
                const std::size_t item = item_of(number);
-               if (!shards_.has(item)) take_row(item, runner_.row_of_failure(missing_.case_of(item), cause));
+               take_row(item, runner_.row_of_failure(missing_.case_of(item), cause));
              },
          .at_work =
              [&](std::vector<std::size_t> items) {

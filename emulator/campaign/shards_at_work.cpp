@@ -95,6 +95,11 @@ std::vector<std::size_t> ShardsAtWork::end_of_pass() {
   return {items.begin(), items.end()};
 }
 
+void ShardsAtWork::drop(std::uint64_t item) const {
+  const std::size_t number = cases_.shard_of(item);
+  if (is_done(number)) release(cases_.shards()[number].cases);
+}
+
 bool ShardsAtWork::has(std::uint64_t item) const {
   const std::size_t number = cases_.shard_of(item);
   if (is_done(number)) return true;

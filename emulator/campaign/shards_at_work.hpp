@@ -40,6 +40,9 @@ class ShardsAtWork {
   std::vector<std::size_t> end_of_pass();
 
   bool has(std::uint64_t item) const;
+  // Releases the claim that a worker may have made of the item's shard after the shard had ended here. `item`: one
+  // that has() has.
+  void drop(std::uint64_t item) const;
   std::uint64_t done() const noexcept { return done_; }        // items
   std::uint64_t stored() const noexcept { return stored_; }    // items in shards that are whole
   std::uint64_t written() const noexcept { return written_; }  // shards

@@ -295,6 +295,9 @@ bool ShardWriter::commit(const std::optional<ArrayDigest>& arrays) {
   held_.append(footer).push_back('\n');
   flush();
   if (::fsync(file_.get()) != 0) fail(temporary_, errno);
+  // A worker that claims the shard later creates another file of that name.
+  struct stat mine {};
+  if (::fstat(file_.get(), &mine) == 0 && mine.st_nlink == 0) return false;
   file_.reset();
   const std::filesystem::path path = folder_ / shard_name(cases_);
   if (::rename(temporary_.c_str(), path.c_str()) != 0) {
