@@ -284,10 +284,11 @@ command = "echo {case} >> cases; touch begun_{case}; until test -e go_{case}; do
   }
   void let_go(int number) const { write(fmt::format("go_{}", number), ""); }
   // Returns the file into which a run writes, once it has it open.
-  static std::string open_file(pid_t process) {
+  std::string open_file(pid_t process) const {
     std::error_code error;
     for (const auto& entry : std::filesystem::directory_iterator(fmt::format("/proc/{}/fd", process), error))
-      if (const std::string at = std::filesystem::read_symlink(entry.path(), error).string(); at.ends_with(".tmp"))
+      if (const std::string at = std::filesystem::read_symlink(entry.path(), error).string();
+          at.starts_with(path("runs/shards/")) && at.ends_with(".tmp"))
         return at;
     return {};
   }
