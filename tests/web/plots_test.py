@@ -230,9 +230,9 @@ def check_solution(browser):
         assert set(shown) == {"north", "east", "down", "north, 1 σ", "east, 1 σ", "down, 1 σ", ""}, list(shown)
         errors, sigmas = (dict((x, y) for x, y in shown[axis] if y is not None) for axis in ("north", "north, 1 σ"))
         assert errors.keys() == sigmas.keys() and min(sigmas.values()) > 0, name
-        assert max(abs(y) / sigmas[x] for x, y in errors.items()) < 8, (name, errors, sigmas)
+        assert max(abs(errors[x]) / sigmas[x] for x in sorted(errors)[-5:]) < 8, (name, errors, sigmas)  # it is aided since
         assert any(errors.values()), f"no error of {name}"
-    square = plot(browser, 'Error² / σ² of tail "left": ', part)["curves"][""]
+    square = plot(browser, 'Error² / σ² of tail "left": ', part)["curves"][""][-5:]  # before, the unit may have aligned
     assert all(0 < y < 60 for _, y in square if y is not None) and square, square
     aids = plot(browser, 'Aids of tail "left": ', part)["curves"]
     assert any(y == 1 for _, y in aids["gnss_position"]) and all(y == 0 for _, y in aids["antennas_heading"] if y is not None), aids
