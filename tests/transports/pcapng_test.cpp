@@ -241,7 +241,7 @@ TEST(Pcapng, MergesFilesByTime) {
     EXPECT_EQ(interface.link_type, interface.name.ends_with("imud") ? link_type::event : link_type::bytes);
     EXPECT_EQ(packet->direction == PacketDirection::inbound, packet->bytes[0] == std::byte{'d'});
   }
-  // Of equal times the first file's comes first; a file's packets stay in their order.
+  // Packets of equal times are in the order of the files. The packets of a file stay in their order.
   EXPECT_EQ(all, "x/imu1 10 a\ny/imud 10 e\ny/imud 26 f\nx/imud 30 b\nx/imud 25 c\nx/imu2 40 d\n");
   EXPECT_EQ(captures[0].packets, 4U);
   EXPECT_EQ(captures[0].end_warning, "");

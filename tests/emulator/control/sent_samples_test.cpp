@@ -1,4 +1,4 @@
-// What those who watch get of a sample: whether it has left the imu, and the solution of a unit that computes its
+// Samples for those who watch: whether a sample has left the imu, and the solution of a unit that computes its
 // own.
 #include <algorithm>
 #include <atomic>
