@@ -27,13 +27,14 @@ constexpr Nanoseconds first = std::chrono::milliseconds(500), interval = std::ch
 
 }  // namespace
 
-std::string time_left(double elapsed_s, double done) {
+std::string rough_time(double time_s) {
   constexpr double minute = 60, hour = 3600, many = 100;
-  const double left_s = elapsed_s * (1 - done) / done;
-  return left_s < many            ? fmt::format("{:.0f} s", left_s)
-         : left_s < many * minute ? fmt::format("{:.0f} min", left_s / minute)
-                                  : fmt::format("{:.1f} h", left_s / hour);
+  return time_s < many            ? fmt::format("{:.0f} s", time_s)
+         : time_s < many * minute ? fmt::format("{:.0f} min", time_s / minute)
+                                  : fmt::format("{:.1f} h", time_s / hour);
 }
+
+std::string time_left(double elapsed_s, double done) { return rough_time(elapsed_s * (1 - done) / done); }
 
 ProgressLine::ProgressLine(bool is_wanted)
     : is_active_(is_wanted && !is_hidden && is_terminal()), begin_(host_now()), next_(begin_ + first) {}

@@ -9,7 +9,9 @@
 
 namespace imud {
 
-// Returns a time as "90 s", "40 min", "3.5 h": the time left if `done`, from 0 to 1, of the work took `elapsed_s`.
+// Returns a time as "90 s", "40 min", "3.5 h".
+std::string rough_time(double time_s);
+// Returns the time that is left if `done`, from 0 to 1, of the work took `elapsed_s`, as rough_time().
 std::string time_left(double elapsed_s, double done);
 
 // A line on standard error that is rewritten at most five times a second, and removed at the end. The line first

@@ -37,9 +37,6 @@ std::string text_of(const CaseRate& rate) {
                      100 * interval.low, 100 * interval.high);
 }
 
-// Half of the work takes as long as the other half: time_left() shows the time as it is.
-constexpr double half = 0.5;
-
 }  // namespace
 
 bool CampaignStatus::update(double limit_s) {
@@ -175,7 +172,7 @@ nlohmann::ordered_json CampaignStatus::json() const {
                {"running", Json::array()},
                {"cases_per_s", rate ? Json(*rate) : Json()},
                {"left_s", left ? Json(*left) : Json()},
-               {"left", left ? Json(time_left(*left, half)) : Json()},
+               {"left", left ? Json(rough_time(*left)) : Json()},
                {"resume", folder_.resume_command()},
                {"rates", Json::array()},
                {"axes", Json::array()},
@@ -230,7 +227,7 @@ std::string CampaignStatus::text() const {
     text += fmt::format("running  process {} of {}, cases {}\n", file.process, file.host, file.name);
   if (const auto rate = cases_per_s(); rate && !running_.empty())
     text += fmt::format("rate     {:.3g} cases/s\n", *rate);
-  if (const auto left = left_s()) text += fmt::format("left     {}\n", time_left(*left, half));
+  if (const auto left = left_s()) text += fmt::format("left     {}\n", rough_time(*left));
   return text;
 }
 
