@@ -26,14 +26,14 @@ void check_identity(const std::string& there, std::uint64_t index, const Campaig
                     index, there, here));
 }
 
-// Returns what makes a shard damaged whose rows have results; empty if it is not.
+// Returns the fault of a shard whose rows are not all JSON; empty if they are. ResultFolder::read() has read as much
+// of each row as says how its case has ended.
 std::string fault_of_rows(const Shard& shard) {
   const auto damaged =
       std::ranges::find_if_not(shard.rows, [](const std::string& row) { return nlohmann::json::accept(row); });
   return damaged == shard.rows.end()
              ? std::string()
-             : fmt::format("has no result in the row of case {}",
-                           shard.head.cases.first + static_cast<std::uint64_t>(damaged - shard.rows.begin()));
+             : no_result_in_row_of(shard.head.cases.first + static_cast<std::uint64_t>(damaged - shard.rows.begin()));
 }
 
 // Moves the shards at which another process is at work behind the others.

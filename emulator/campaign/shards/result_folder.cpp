@@ -259,7 +259,7 @@ std::optional<Shard> ResultFolder::read(const CaseRange& shard, std::string& fau
   for (std::size_t i = 0; read && i < read->rows.size(); ++i) try {
       static_cast<void>(RowResult(read->rows[i]));
     } catch (const nlohmann::json::exception&) {
-      fault = fmt::format("has no result in the row of case {}", shard.first + i);
+      fault = no_result_in_row_of(shard.first + i);
       return std::nullopt;
     }
   return read;

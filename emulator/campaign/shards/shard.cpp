@@ -158,11 +158,11 @@ RowResult::RowResult(std::string_view row) {
 }
 
 void CaseTally::add(const RowResult& row) noexcept {
-  CaseTally one;
-  (row.could_not_be_run     ? one.could_not_be_run
-   : row.expectation_failed ? one.expectations_failed
-                            : one.incomplete) = row.could_not_be_run || row.exit_code != 0 ? 1 : 0;
-  one.exit_code = row.exit_code;
+  CaseTally one{.exit_code = row.exit_code};
+  if (row.could_not_be_run)
+    one.could_not_be_run = 1;
+  else if (row.exit_code != 0)
+    (row.expectation_failed ? one.expectations_failed : one.incomplete) = 1;
   add(one);
 }
 
@@ -177,6 +177,10 @@ void CaseTally::add(const CaseTally& other) noexcept {
 std::string CaseTally::text() const {
   return fmt::format("cases    {} could not be run, {} incomplete or with failed expectations\n", could_not_be_run,
                      expectations_failed + incomplete);
+}
+
+std::string no_result_in_row_of(std::uint64_t index) {
+  return fmt::format("has no result in the row of case {}", index);
 }
 
 std::string shard_name(const CaseRange& cases) {

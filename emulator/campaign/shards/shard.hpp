@@ -72,6 +72,8 @@ struct CaseTally {
   std::string text() const;
 };
 
+// Returns the fault of a shard in which the row of a case cannot be read.
+std::string no_result_in_row_of(std::uint64_t index);
 // Returns the name of the file in the folder `shards`: "000000000-000000099.jsonl".
 std::string shard_name(const CaseRange& cases);
 // Returns the cases of such a name; nullopt if it is the name of no shard.

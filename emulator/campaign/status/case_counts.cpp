@@ -79,7 +79,7 @@ void CaseCounts::add(const Shard& shard) {
   for (std::size_t i = 0; i < shard.rows.size(); ++i) try {
       add(Row(shard.head.cases.first + i, shard.rows[i]));
     } catch (const nlohmann::json::exception&) {
-      throw std::runtime_error(fmt::format("has no result in the row of case {}", shard.head.cases.first + i));
+      throw std::runtime_error(no_result_in_row_of(shard.head.cases.first + i));
     }
 }
 
