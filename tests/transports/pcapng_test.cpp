@@ -210,22 +210,25 @@ TEST(Pcapng, PacketsThatAreTooLongAreSkippedAndCounted) {
 // The second section of the first file, as of a record in several files, has one interface more.
 TEST(Pcapng, MergesFilesByTime) {
   std::vector<std::byte> first, second;
-  append_section(first, "test");
-  append_interface(first, {link_type::event, "imud"});
-  append_interface(first, {link_type::bytes, "imu1"});
-  append_packet(first, {1, 10, PacketDirection::outbound, pcapng_bytes("a")});
-  append_packet(first, {0, 30, PacketDirection::unknown, pcapng_bytes("b")});
-  append_section(first, "test");
-  append_interface(first, {link_type::event, "imud"});
-  append_interface(first, {link_type::bytes, "imu1"});
-  append_interface(first, {link_type::bytes, "imu2"});
-  append_packet(first, {0, 25, PacketDirection::unknown, pcapng_bytes("c")});
-  append_packet(first, {2, 40, PacketDirection::inbound, pcapng_bytes("d")});
-  append_section(second, "test");
-  append_interface(second, {link_type::event, "imud"});
-  append_packet(second, {0, 10, PacketDirection::unknown, pcapng_bytes("e")});
-  append_packet(second, {0, 26, PacketDirection::unknown, pcapng_bytes("f")});
-  append_packet(second, {0, 40, PacketDirection::unknown, pcapng_bytes("g")});
+  const auto append = [](std::vector<std::byte>& file, std::uint32_t interface, std::int64_t time_ns,
+                         PacketDirection direction, std::string_view content) {
+    append_packet(file, {interface, time_ns, direction, pcapng_bytes(std::string(content))});
+  };
+  const auto begin = [](std::vector<std::byte>& file, std::initializer_list<const char*> imus) {
+    append_section(file, "test");
+    append_interface(file, {link_type::event, "imud"});
+    for (const char* imu : imus) append_interface(file, {link_type::bytes, imu});
+  };
+  begin(first, {"imu1"});
+  append(first, 1, 10, PacketDirection::outbound, "a");
+  append(first, 0, 30, PacketDirection::unknown, "b");
+  begin(first, {"imu1", "imu2"});
+  append(first, 0, 25, PacketDirection::unknown, "c");
+  append(first, 2, 40, PacketDirection::inbound, "d");
+  begin(second, {});
+  append(second, 0, 10, PacketDirection::unknown, "e");
+  append(second, 0, 26, PacketDirection::unknown, "f");
+  append(second, 0, 40, PacketDirection::unknown, "g");
   second.resize(second.size() - 4);
   const PcapngMemory one(first), other(second), merged({});
   std::vector<MergedCapture> captures = {{one.path(), "x/", 0, {}}, {other.path(), "y/", 0, {}}};

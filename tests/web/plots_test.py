@@ -223,17 +223,19 @@ def check_solution(browser):
     for key in keys:
         press(browser, f"#shown input[value={key}]")
     for name, unit in (("attitude", ", rad"), ("velocity", ", m/s"), ("position", ", m")):
-        def curves(title=f'Error of {name} of tail "left"{unit}: '):
-            return (plot(browser, title, part) or {"curves": {}})["curves"]
-        wait_until(f"the error of {name}", lambda: sum(y is not None for _, y in curves().get("down", [])) > 10)
-        shown = curves()
-        assert set(shown) == {"north", "east", "down", "north, 1 σ", "east, 1 σ", "down, 1 σ", ""}, list(shown)
-        errors, sigmas = (dict((x, y) for x, y in shown[axis] if y is not None) for axis in ("north", "north, 1 σ"))
-        assert errors.keys() == sigmas.keys() and min(sigmas.values()) > 0, name
-        assert max(abs(errors[x]) / sigmas[x] for x in sorted(errors)[-5:]) < 8, (name, errors, sigmas)  # it is aided since
-        assert any(errors.values()), f"no error of {name}"
-    square = plot(browser, 'Error² / σ² of tail "left": ', part)["curves"][""][-5:]  # before, the unit may have aligned
-    assert all(0 < y < 60 for _, y in square if y is not None) and square, square
+        def newest(title=f'Error of {name} of tail "left"{unit}: '):
+            """Of north, the newest errors in units of their standard deviations; empty while there are none."""
+            curves = (plot(browser, title, part) or {"curves": {}})["curves"]
+            errors, sigmas = ([(x, y) for x, y in curves.get(axis, []) if y is not None][-5:] for axis in ("north", "north, 1 σ"))
+            assert not curves or set(curves) == {"north", "east", "down", "north, 1 σ", "east, 1 σ", "down, 1 σ", ""}, list(curves)
+            assert [x for x, _ in errors] == [x for x, _ in sigmas] and all(y > 0 for _, y in sigmas), (errors, sigmas)
+            return [abs(error) / sigma for (_, error), (_, sigma) in zip(errors, sigmas)]
+        wait_until(f"an error of {name} of its size", lambda: len(ratios := newest()) == 5 and any(ratios) and max(ratios) < 8)
+
+    def square():  # the unit may have aligned before
+        return [y for _, y in plot(browser, 'Error² / σ² of tail "left": ', part)["curves"][""][-5:] if y is not None]
+
+    wait_until("their squares", lambda: square() and all(0 < y < 60 for y in square()))
     aids = plot(browser, 'Aids of tail "left": ', part)["curves"]
     assert any(y == 1 for _, y in aids["gnss_position"]) and all(y == 0 for _, y in aids["antennas_heading"] if y is not None), aids
     assert plot(browser, "Error of attitude") is None, "imu1 has no filter"

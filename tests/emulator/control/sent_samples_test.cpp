@@ -103,18 +103,19 @@ TEST_F(SentSamples, AUnitWithAFilterShowsItsSolutionWithItsErrors) {
     truth.time.ns = std::int64_t{i} * (1'000'000'000 / rate_hz);
     ASSERT_TRUE(simulator_.exchange(truth)) << i;
   }
-  json first, last;
-  for (std::uint64_t k = 0; k < 30000;) {
-    const json samples = client.notification("samples");
-    ASSERT_FALSE(samples.is_null());
+  // Returns the first or the last sample of a notification.
+  const auto sample_of = [](const json& samples, bool is_first) {
     json one;
     for (const auto& [key, list] : samples.items())
-      if (list.is_array()) one[key] = list.back();
-    if (first.is_null())
-      for (const auto& [key, list] : samples.items())
-        if (list.is_array()) first[key] = list.front();
-    last = one;
-    k = one["k"].get<std::uint64_t>();
+      if (list.is_array()) one[key] = is_first ? list.front() : list.back();
+    return one;
+  };
+  json first, last;
+  for (std::uint64_t k = 0; k < 30000; k = last["k"].get<std::uint64_t>()) {
+    const json samples = client.notification("samples");
+    ASSERT_FALSE(samples.is_null());
+    if (first.is_null()) first = sample_of(samples, true);
+    last = sample_of(samples, false);
   }
   EXPECT_EQ(first["solution"], "aligning");
   EXPECT_EQ(last["solution"], "aided");
