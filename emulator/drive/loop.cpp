@@ -279,9 +279,9 @@ void Loop::serve_all() noexcept {
 }
 
 // Gives the pacer the difference of clocks by which the grid has placed the next sample, so that it maps the sample's
-// instant by the same difference.
+// instant by the same difference. Where samples wait for truth, no clock maps their instants.
 void Loop::set_ahead_of_next() noexcept {
-  if (!schedule_.empty()) pacer_.set_ahead(epoch_.ahead(schedule_.next().imu));
+  if (!waits_for_truth_ && !schedule_.empty()) pacer_.set_ahead(epoch_.ahead(schedule_.next().imu));
 }
 
 // Takes all samples of the instant `due_`.
