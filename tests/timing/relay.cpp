@@ -10,6 +10,7 @@
 #include <unistd.h>
 
 #include <array>
+#include <cerrno>
 #include <csignal>
 #include <filesystem>
 #include <fstream>
@@ -25,10 +26,10 @@ namespace {
 
 constexpr std::size_t frame_size = 112;  // about that of a native measurement
 
-// One recv, one write.
+// One recv, one write; if it `polls`, one ppoll before.
 class Relay {
  public:
-  explicit Relay(const std::string& link) {
+  Relay(const std::string& link, bool polls) {
     FileDescriptor master(::posix_openpt(O_RDWR | O_NOCTTY | O_CLOEXEC));
     if (!master || ::grantpt(master.get()) != 0 || ::unlockpt(master.get()) != 0) throw std::runtime_error("no pty");
     termios raw{};
@@ -39,12 +40,20 @@ class Relay {
     ::ptsname_r(master.get(), slave.data(), slave.size());
     std::filesystem::create_symlink(slave.data(), link);
     const FileDescriptor socket = bound_socket(port_);
+    const FileDescriptor reader(::open(slave.data(), O_RDWR | O_NOCTTY | O_CLOEXEC));  // so that nobody hangs up
     child_ = ::fork();
     if (child_ != 0) return;
     ::prctl(PR_SET_PDEATHSIG, SIGKILL);
     std::array<std::byte, 2048> buffer{};
-    while (::recv(socket.get(), buffer.data(), buffer.size(), 0) > 0)
+    std::array<pollfd, 2> inputs{{{socket.get(), POLLIN, 0}, {master.get(), POLLIN, 0}}};
+    while (true) {
+      if (polls && ::ppoll(inputs.data(), inputs.size(), nullptr, nullptr) < 0) break;
+      if (::recv(socket.get(), buffer.data(), buffer.size(), polls ? MSG_DONTWAIT : 0) < 0) {
+        if (polls && errno == EAGAIN) continue;
+        break;
+      }
       if (::write(master.get(), buffer.data(), frame_size) < 0) break;
+    }
     ::_exit(0);
   }
   ~Relay() {
@@ -112,25 +121,26 @@ Latencies measure_latency(const Folder& folder, int steps) {
   const int imud_port = free_udp_port();
   std::ofstream(folder / "lockstep.toml")
       << config(imud_port, "", 1, "rate_hz = 1000\nport = \"pty:" + (folder / "lockstep") + "\"") << "\n";
-  const Relay relay(folder / "relay");
+  const Relay relay(folder / "relay", false), polling(folder / "polling", true);
   Program imud("imud");
   imud.start({"run", folder / "lockstep.toml", "--set", "clock=lockstep", "--set", "truth.delay_ms=0"});
   if (!imud.wait_for_errors("ready")) throw std::runtime_error("imud has not begun: " + imud.errors());
-  Path through_relay(relay.port(), folder / "relay");
+  Path through_relay(relay.port(), folder / "relay"), through_polling(polling.port(), folder / "polling");
   Path through_imud(imud_port, folder / "lockstep");
   std::this_thread::sleep_for(std::chrono::milliseconds(100));  // until imud has noticed that the pty is open
 
   Latencies all;
   constexpr int block = 1000;
   for (int done = 0; done < steps; done += block) {
-    for (int k = 0; k < block; ++k) {
-      all.relay.push_back(through_relay.step());
-      std::this_thread::sleep_for(std::chrono::microseconds(200));
-    }
-    for (int k = 0; k < block; ++k) {
-      all.imud.push_back(through_imud.step());
-      std::this_thread::sleep_for(std::chrono::microseconds(200));
-    }
+    const auto measure = [](Path& path, std::vector<double>& latencies) {
+      for (int k = 0; k < block; ++k) {
+        latencies.push_back(path.step());
+        std::this_thread::sleep_for(std::chrono::microseconds(200));
+      }
+    };
+    measure(through_relay, all.relay);
+    measure(through_polling, all.polling);
+    measure(through_imud, all.imud);
   }
   if (imud.stop() != 0) throw std::runtime_error("imud failed: " + imud.errors());
   return all;

@@ -7,9 +7,10 @@ namespace imud::timing {
 
 // Latencies in us, from before the send() of a truth to after the read() of the first bytes of its measurement.
 // Thousands of truths to imud in lockstep alternate with thousands to a relay: a process that receives a datagram and
-// writes as many bytes as imud to a pty.
+// writes as many bytes as imud to a pty; and to a relay that makes imud's system calls: it waits for the datagram and
+// for the pty's reader by ppoll(), and then receives without waiting.
 struct Latencies {
-  std::vector<double> imud, relay;
+  std::vector<double> imud, relay, polling;
 };
 Latencies measure_latency(const Folder& folder, int steps);
 

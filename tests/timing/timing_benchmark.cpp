@@ -196,6 +196,7 @@ void latency(const Folder& folder, int steps) {
   };
   const Percentiles relay = of(all.relay), imud = of(all.imud);
   row("bare relay", relay);
+  row("relay with ppoll", of(all.polling));
   row("imud", imud);
   print_criterion("p50 at most 1.5 x the relay's", ratio(imud.p50, relay.p50) <= 1.5,
                   fmt::format("{:.2f} x", ratio(imud.p50, relay.p50)));
