@@ -12,11 +12,11 @@
 #include <thread>
 
 #include "core/numbers/duration_histogram.hpp"
+#include "emulator/commands/machine.hpp"
 #include "emulator/commands/rack.hpp"
 #include "emulator/config/line_load.hpp"
 #include "emulator/drive/realtime_thread.hpp"
 #include "emulator/ground/host.hpp"
-#include "emulator/ground/machine.hpp"
 #include "emulator/ground/progress_line.hpp"
 #include "transports/port.hpp"
 

@@ -7,11 +7,11 @@
 #include <utility>
 #include <vector>
 
-#include "emulator/ground/speed_mismatch.hpp"
 #include "emulator/ground/text_file.hpp"
 #include "emulator/plan/config.hpp"
 #include "emulator/report/clock_watch.hpp"
 #include "emulator/report/pty_readers.hpp"
+#include "emulator/report/speed_mismatch.hpp"
 #include "emulator/report/summary.hpp"
 #include "transports/host_clock.hpp"
 

@@ -1,7 +1,7 @@
 #include <algorithm>
 
+#include "emulator/commands/machine.hpp"
 #include "emulator/commands/rack.hpp"
-#include "emulator/ground/machine.hpp"
 #include "tests/emulator/run/run_test.hpp"
 
 namespace imud {

@@ -1,4 +1,4 @@
-#include "emulator/ground/machine.hpp"
+#include "emulator/commands/machine.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -12,7 +12,7 @@ namespace imud {
 namespace {
 
 // Returns the file's text without the white space at its end; empty if there is no file.
-std::string text_of(const std::filesystem::path& path) {
+std::string value_in(const std::filesystem::path& path) {
   std::ifstream file(path);
   std::string text{std::istreambuf_iterator<char>(file), {}};
   text.erase(text.find_last_not_of(" \n") + 1);
@@ -26,10 +26,10 @@ std::string text_of(const std::filesystem::path& path) {
 Machine inspect_machine(const std::string& root, bool spins, const std::vector<std::string>& serial) {
   namespace fs = std::filesystem;
   Machine machine;
-  const std::string version = text_of(root + "/proc/version");
+  const std::string version = value_in(root + "/proc/version");
   const std::string release = version.substr(0, version.find(" ("));
   const bool preempt_rt =
-      text_of(root + "/sys/kernel/realtime") == "1" || version.find("PREEMPT_RT") != std::string::npos;
+      value_in(root + "/sys/kernel/realtime") == "1" || version.find("PREEMPT_RT") != std::string::npos;
   machine.facts.push_back(fmt::format("{}{}", release, preempt_rt ? ", PREEMPT_RT" : ""));
 
   std::error_code error;
@@ -40,14 +40,14 @@ Machine inspect_machine(const std::string& root, bool spins, const std::vector<s
     if (name.size() < 4 || !name.starts_with("cpu") || name.find_first_not_of("0123456789", 3) != std::string::npos)
       continue;
     ++processors;
-    const std::string governor = text_of(entry.path() / "cpufreq/scaling_governor");
+    const std::string governor = value_in(entry.path() / "cpufreq/scaling_governor");
     if (!governor.empty()) governors.insert(governor);
   }
-  const std::string isolated = text_of(root + "/sys/devices/system/cpu/isolated");
+  const std::string isolated = value_in(root + "/sys/devices/system/cpu/isolated");
   machine.facts.push_back(
       fmt::format("{} processors, {}", processors, isolated.empty() ? "none isolated" : "isolated: " + isolated));
   if (!governors.empty()) machine.facts.push_back(fmt::format("frequency governor: {}", fmt::join(governors, ", ")));
-  const bool guest = text_of(root + "/proc/cpuinfo").find(" hypervisor") != std::string::npos;
+  const bool guest = value_in(root + "/proc/cpuinfo").find(" hypervisor") != std::string::npos;
   if (guest) machine.facts.emplace_back("a virtual machine");
 
   if (!governors.empty() && governors != std::set<std::string>{"performance"})
@@ -60,12 +60,12 @@ Machine inspect_machine(const std::string& root, bool spins, const std::vector<s
   if (!preempt_rt)
     machine.advice.emplace_back(
         "the kernel may delay a wake-up for long: use one with PREEMPT_RT (Debian: linux-image-rt)");
-  const std::string share_us = text_of(root + "/proc/sys/kernel/sched_rt_runtime_us");
+  const std::string share_us = value_in(root + "/proc/sys/kernel/sched_rt_runtime_us");
   if (spins && !share_us.empty() && share_us != "-1")
     machine.advice.push_back(
         fmt::format("the kernel stops a spinning thread with priority (it may run for {} us of each {}): "
                     "sudo sysctl kernel.sched_rt_runtime_us=-1",
-                    share_us, text_of(root + "/proc/sys/kernel/sched_rt_period_us")));
+                    share_us, value_in(root + "/proc/sys/kernel/sched_rt_period_us")));
   if (guest)
     machine.advice.emplace_back(
         "the hypervisor stops the whole machine at times, which nothing in it can prevent: measure on the "
@@ -75,7 +75,7 @@ Machine inspect_machine(const std::string& root, bool spins, const std::vector<s
     const fs::path named = fs::canonical(root + device, error);
     const std::string name = (error ? fs::path(device) : named).filename();
     const fs::path timer = fmt::format("{}/sys/class/tty/{}/device/latency_timer", root, name);
-    const std::string ms = text_of(timer);
+    const std::string ms = value_in(timer);
     if (ms.empty()) continue;
     machine.facts.push_back(fmt::format("latency timer of {}: {} ms", device, ms));
     if (ms != "1")
