@@ -23,9 +23,9 @@
 #include "emulator/campaign/shards/sequential_stop.hpp"
 #include "emulator/campaign/shards_at_work.hpp"
 #include "emulator/config/config_text.hpp"
+#include "emulator/ground/exit_code.hpp"
 #include "emulator/ground/progress_line.hpp"
 #include "emulator/ground/text_file.hpp"
-#include "emulator/seeds/seed_results.hpp"
 #include "emulator/seeds/worker_processes.hpp"
 #include "transports/host_clock.hpp"
 

@@ -20,9 +20,9 @@
 #include "emulator/campaign/shards/sequential_stop.hpp"
 #include "emulator/campaign/slurm/slurm_queue.hpp"
 #include "emulator/campaign/slurm/stored_tasks.hpp"
+#include "emulator/ground/exit_code.hpp"
 #include "emulator/ground/progress_line.hpp"
 #include "emulator/ground/text_file.hpp"
-#include "emulator/seeds/seed_results.hpp"
 #include "emulator/seeds/worker_processes.hpp"
 #include "transports/host_clock.hpp"
 

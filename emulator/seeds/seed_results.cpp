@@ -6,12 +6,11 @@
 #include <algorithm>
 
 #include "emulator/faults/fault_labels.hpp"
+#include "emulator/ground/exit_code.hpp"
 
 namespace imud {
 
 using Json = nlohmann::ordered_json;
-
-int worse_exit_code(int a, int b) noexcept { return a == 1 || b == 1 ? 1 : std::max(a, b); }
 
 bool SeedResults::add(const std::string& text) {
   bool are_whole = true;

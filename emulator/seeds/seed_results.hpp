@@ -14,9 +14,6 @@
 
 namespace imud {
 
-// Returns the worse of two exit codes: 1 is worse than 3, and 3 than 0.
-int worse_exit_code(int a, int b) noexcept;
-
 // The summaries by seed. Summaries of a seed's imus that ran apart are merged.
 class SeedResults {
  public:

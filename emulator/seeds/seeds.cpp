@@ -17,6 +17,7 @@
 #include "emulator/config/scenario.hpp"
 #include "emulator/engine/closing.hpp"
 #include "emulator/faults/fault_labels.hpp"
+#include "emulator/ground/exit_code.hpp"
 #include "emulator/ground/progress_line.hpp"
 #include "emulator/ground/text_file.hpp"
 #include "emulator/seeds/seed_arrays.hpp"

@@ -17,6 +17,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "emulator/ground/exit_code.hpp"
 #include "protocols/wire/number_text.hpp"
 #include "transports/file/output_path.hpp"
 
@@ -170,8 +171,7 @@ void CaseTally::add(const CaseTally& other) noexcept {
   could_not_be_run += other.could_not_be_run;
   expectations_failed += other.expectations_failed;
   incomplete += other.incomplete;
-  const auto badness = [](int code) { return code == 0 ? 0 : code == 3 ? 1 : 2; };
-  if (badness(other.exit_code) > badness(exit_code)) exit_code = other.exit_code;
+  exit_code = worse_exit_code(exit_code, other.exit_code);
 }
 
 std::string CaseTally::text() const {

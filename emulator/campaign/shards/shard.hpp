@@ -64,7 +64,7 @@ struct CaseTally {
   std::uint64_t could_not_be_run = 0;     // cases with an error in place of a run
   std::uint64_t expectations_failed = 0;  // cases with an expectation that does not hold
   std::uint64_t incomplete = 0;           // other cases whose exit code is not 0
-  int exit_code = 0;                      // the worst: 1 is worse than 3, and 3 than 0
+  int exit_code = 0;                      // worse_exit_code() of all
 
   void add(const RowResult& row) noexcept;
   void add(const CaseTally& other) noexcept;
