@@ -2,7 +2,6 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 #include <sys/resource.h>
 
 #include <CLI/CLI.hpp>
@@ -33,6 +32,7 @@
 #include "emulator/rack/rack_commands.hpp"
 #include "emulator/report/log.hpp"
 #include "emulator/run/run.hpp"
+#include "emulator/seeds/seed_checks.hpp"
 #include "emulator/seeds/seeds.hpp"
 #include "emulator/truth/capture_check.hpp"
 #include "emulator/watch/run_commands.hpp"
@@ -58,7 +58,6 @@ struct Arguments {
     const CLI::App* command;
     std::string option;
     std::string* path;
-    bool is_of_single_run;
   };
   std::vector<Output> outputs;
 };
@@ -79,24 +78,10 @@ void collect_outputs(Arguments& arguments) {
   }
 }
 
-// Throws PortError if a given option does not suit several runs.
-void refuse_single_run_options(const Arguments& arguments) {
-  bool is_given = arguments.run.ready_fd.has_value();
-  std::vector<std::string> options = {"--ready-fd"};
-  for (const Arguments::Output& output : arguments.outputs) {
-    if (!output.command->parsed() || !output.is_of_single_run) continue;
-    options.push_back(output.option);
-    is_given = is_given || !output.path->empty();
-  }
-  if (is_given)
-    throw PortError(
-        fmt::format("{} are of a single run; omit them with --seeds, --jobs and --npy", fmt::join(options, ", ")));
-}
-
 int replay(const Arguments& arguments) {
   std::vector<std::string> overrides = arguments.overrides;
   const bool has_workers = arguments.seeds.seeds || arguments.seeds.jobs > 0 || !arguments.seeds.npy.empty();
-  if (has_workers) refuse_single_run_options(arguments);
+  if (has_workers) refuse_single_run_options(arguments.run);
   if (arguments.fast || has_workers) overrides.emplace_back("clock=fast");
   RunOptions options = arguments.run;
   options.repeats = CapturePort(arguments.capture, arguments.config).repeats;
@@ -151,9 +136,9 @@ int execute(int argc, const char* const* argv) {
         ->allow_extra_args(false);
   };
   const auto with_output = [&](CLI::App* command, const std::string& option, std::string& path,
-                               const std::string& help, bool is_of_single_run) {
+                               const std::string& help) {
     add(*command, option, path, "FILE", help);
-    arguments.outputs.push_back({command, option, &path, is_of_single_run});
+    arguments.outputs.push_back({command, option, &path});
   };
   const auto with_run = [&](CLI::App* command, bool is_found) {
     with_config(command, is_found);
@@ -163,18 +148,17 @@ int execute(int argc, const char* const* argv) {
           const bool good = CLI::detail::lexical_cast(text, value) && value >= 1e-3 && value <= 1e9;
           return good ? std::string() : "give seconds from 0.001 to 1e9";
         });
-    with_output(command, "--summary", arguments.run.summary_file, "Also write the closing summary as JSON", false);
+    with_output(command, "--summary", arguments.run.summary_file, "Also write the closing summary as JSON");
     with_require(command);
     with_scenario(command);
     with_output(command, "--labels", arguments.run.labels_file,
-                "Write what failed, and on which samples: as CSV, or as JSON if the name ends with .json", false);
-    with_output(command, "--junit", arguments.run.junit_file, "Write whether each [[expect]] holds as JUnit XML",
-                true);
+                "Write what failed, and on which samples: as CSV, or as JSON if the name ends with .json");
+    with_output(command, "--junit", arguments.run.junit_file, "Write whether each [[expect]] holds as JUnit XML");
     add(*command, "--log-every", arguments.run.monitor.log_every_s, "SECONDS",
         "Interval of the figures in the log; 0: none (10)")
         ->check(CLI::Range(0.0, 1e9));
     with_output(command, "--quality", arguments.run.monitor.quality_file,
-                "Write the figures each second as a line of JSON", true);
+                "Write the figures each second as a line of JSON");
     add(*command, "--ready-fd", arguments.run.ready_fd, "N",
         "Write \"ready\" and a line feed to this open descriptor when the ports are open, and close it")
         ->check([](const std::string& text) {
@@ -186,8 +170,7 @@ int execute(int argc, const char* const* argv) {
     command->add_flag("--wait-for-reader", arguments.run.wait_for_reader,
                       "Begin when the pty of each imu has a reader");
     with_output(command, "--record", arguments.run.record.file,
-                "Record truth, frames and the hosts' bytes as pcapng, which Wireshark opens and replay repeats",
-                true);
+                "Record truth, frames and the hosts' bytes as pcapng, which Wireshark opens and replay repeats");
     add(*command, "--record-max-mb", record_max_mb, "N",
         "Begin another file of the record, FILE-00001.pcapng and so on, after this many MB")
         ->check(CLI::Range(1, 1'000'000));

@@ -5,6 +5,8 @@
 #include <sha256.h>
 
 #include <array>
+#include <string>
+#include <vector>
 
 #include "emulator/config/config_parts.hpp"
 #include "emulator/config/config_text.hpp"
@@ -23,6 +25,16 @@ std::string sha256_of_file(const std::string& path) {
 }
 
 }  // namespace
+
+void refuse_single_run_options(const RunOptions& options) {
+  std::vector<std::string> refused;
+  if (options.ready_fd) refused.emplace_back("--ready-fd");
+  for (const auto& [option, path] : options.outputs)
+    if (path != options.summary_file && path != options.labels_file) refused.push_back(option);
+  if (!refused.empty())
+    throw PortError(
+        fmt::format("of a single run: {}; omit them with --seeds, --jobs and --npy", fmt::join(refused, ", ")));
+}
 
 void check_seed_ports(const Config& config, bool repeats, bool many, bool has_arrays) {
   for (std::size_t i = 0; i < config.imus.size(); ++i) {

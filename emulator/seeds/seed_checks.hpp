@@ -12,6 +12,10 @@ namespace imud {
 // The placeholder of the seed in the imus' ports.
 inline constexpr std::string_view seed_placeholder = "{seed}";
 
+// Throws PortError if an option is given that is of a single run: runs beside one another write one summary and one
+// file of labels, and no other file of RunOptions.
+void refuse_single_run_options(const RunOptions& options);
+
 // Throws PortError if two runs would write to one port, or a port is no file. `repeats`: the runs repeat a record.
 // `many`: there are several seeds. `has_arrays`: no port is opened.
 void check_seed_ports(const Config& config, bool repeats, bool many, bool has_arrays);

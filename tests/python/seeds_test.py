@@ -4,6 +4,7 @@ import csv
 import json
 import os
 import pathlib
+import re
 import signal
 import subprocess
 import time
@@ -233,8 +234,6 @@ for_s = 0.1
             (["--seeds", "1..9", "--set=imu.a.port=file:-"], "runs beside one another write files; give "),
             (["--npy", self.folder / "x.npy"], "each imu needs a file of its own; give a name with {imu}"),
             (["--npy", self.folder / "no" / "{imu}.npy"], "No such file or directory"),
-            (["--seeds", "1..9", "--quality", "q"], "omit them with --seeds"),
-            (["--seeds", "1..9", "--junit", "j.xml"], "omit them with --seeds"),
             (["--seeds", "1..9", "--labels", config], "is the file of the configuration; give another file"),
             (["--seeds", "1..9", "--require", "c.samples>1"], "there is no figure c.samples"),
             (["--seeds", "1..9", same], "imu.1.port"),
@@ -242,6 +241,17 @@ for_s = 0.1
         ]:
             _, errors = run("imud", "replay", config, FLIGHT, *arguments, exit_code=2)
             self.assertIn(fault, errors)
+
+    def test_files_of_a_single_run_are_refused(self):
+        """Every option that names a file to be written, but those of many runs."""
+        config = self.imus(STIM300, NATIVE)
+        text, _ = run("imud", "replay", "--help")
+        options = set(re.findall(r"(--[a-z-]+) FILE", text)) - {"--scenario", "--summary", "--labels", "--npy"}
+        self.assertGreaterEqual(options, {"--junit", "--quality", "--record"}, text)
+        for option in sorted(options):
+            _, errors = run("imud", "replay", config, FLIGHT, "--seeds", "1..9", option, self.folder / "file", exit_code=2)
+            self.assertIn(f"of a single run: {option}; omit them with --seeds", errors)
+            self.assertFalse((self.folder / "file").exists())
 
     def test_a_failure_ends_all(self):
         config = self.imus(NATIVE)
