@@ -171,20 +171,6 @@ void read_filter(TableReader& table, SensorFilter& filter, double rate_hz) {
   filter.length = std::max(order > 0 ? length : samples, 1);
 }
 
-// If a member is added to TriadErrors, this does not compile until the member is named here. Give the member a
-// key, too.
-[[maybe_unused]] void name_every_term(const TriadErrors& errors) {
-  [[maybe_unused]] const auto& [misalignment, dead_zone, scale_factor, scale_factor_asymmetry, quadratic, cubic,
-                                reference_temperature_c, temperature_scale, temperature_bias, temperature_rate_bias,
-                                temperature_hysteresis, temperature_hysteresis_c, bias, walk_transition,
-                                walk_sqrt_cov, walk_bound, turn_on_bias, ramp, g_sensitivity, g_squared_sensitivity,
-                                cross_sensitivity, vibration_rectification, vibration_average, vibration_mean_square,
-                                white_density, bias_instability, flicker_from_s, flicker_to_s, correlated_sigma,
-                                correlation_time, popcorn_noise, popcorn_time, random_walk_density,
-                                quantization_noise, fir_taps, filter, lsb, rounding, carry, max, limits,
-                                increment_lsb, unit_sigma, turn_on_sigma] = errors;
-}
-
 TriadErrors read_triad(TableReader& table, const SensorKeys& keys, const TriadErrors* product, double rate_hz,
                        Sidedness density) {
   TriadErrors e;

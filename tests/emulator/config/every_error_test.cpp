@@ -3,8 +3,12 @@
 #include <gtest/gtest.h>
 #include <toml++/toml.h>
 
+#include <array>
+#include <optional>
 #include <set>
 #include <string>
+#include <tuple>
+#include <utility>
 #include <vector>
 
 #include "emulator/config/load_config.hpp"
@@ -84,6 +88,50 @@ TEST(EveryError, TheFileHasEachKeyOfTheErrors) {
                        "barometric", "zero", "quiet", "accept"});
   EXPECT_GT(given, 250U);
   EXPECT_GT(others, 150U);
+}
+
+// Returns the members. If a member is added, this does not compile until the member is named here.
+auto terms_of(const TriadErrors& errors) {
+  const auto& [misalignment, dead_zone, scale_factor, scale_factor_asymmetry, quadratic, cubic,
+               reference_temperature_c, temperature_scale, temperature_bias, temperature_rate_bias,
+               temperature_hysteresis, temperature_hysteresis_c, bias, walk_transition, walk_sqrt_cov, walk_bound,
+               turn_on_bias, ramp, g_sensitivity, g_squared_sensitivity, cross_sensitivity, vibration_rectification,
+               vibration_average, vibration_mean_square, white_density, bias_instability, flicker_from_s,
+               flicker_to_s, correlated_sigma, correlation_time, popcorn_noise, popcorn_time, random_walk_density,
+               quantization_noise, fir_taps, filter, lsb, rounding, carry, max, limits, increment_lsb, unit_sigma,
+               turn_on_sigma] = errors;
+  // Not vibration_mean_square, which Imu sets.
+  return std::tie(misalignment, dead_zone, scale_factor, scale_factor_asymmetry, quadratic, cubic,
+                  reference_temperature_c, temperature_scale, temperature_bias, temperature_rate_bias,
+                  temperature_hysteresis, temperature_hysteresis_c, bias, walk_transition, walk_sqrt_cov, walk_bound,
+                  turn_on_bias, ramp, g_sensitivity, g_squared_sensitivity, cross_sensitivity,
+                  vibration_rectification, vibration_average, white_density, bias_instability, flicker_from_s,
+                  flicker_to_s, correlated_sigma, correlation_time, popcorn_noise, popcorn_time, random_walk_density,
+                  quantization_noise, fir_taps, filter, lsb, rounding, carry, max, limits, increment_lsb, unit_sigma,
+                  turn_on_sigma);
+}
+
+template <class Term>
+bool is_changed(const Term& term, const Term& initial) {
+  return term != initial;
+}
+bool is_changed(const std::optional<AxisLimits>& term, const std::optional<AxisLimits>&) { return term.has_value(); }
+bool is_changed(const ConstantErrors& term, const ConstantErrors&) { return term.is_on(); }
+
+// A term that no key sets stays as it is in sensors without errors.
+TEST(EveryError, TheFileChangesEachTermOfASensor) {
+  const ImuModel model =
+      load_config(file, std::vector<std::string>{"clock=lockstep", "imu.0.gyro.min_deg_per_s=-300"}).imus.at(0).model;
+  const TriadErrors initial;
+  constexpr std::size_t count = std::tuple_size_v<decltype(terms_of(initial))>;
+  std::array<bool, count> changed{};
+  for (const TriadErrors* errors : {&model.gyro, &model.accelerometer, &model.magnetometer})
+    [&]<std::size_t... i>(std::index_sequence<i...>) {
+      ((changed[i] = changed[i] || is_changed(std::get<i>(terms_of(*errors)), std::get<i>(terms_of(initial)))), ...);
+    }
+  (std::make_index_sequence<count>());
+  for (std::size_t i = 0; i < count; ++i)
+    EXPECT_TRUE(changed[i]) << "term " << i << " of terms_of(): give it a key in emulator/config/triad_config.cpp";
 }
 
 }  // namespace
