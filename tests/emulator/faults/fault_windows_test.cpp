@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <map>
 #include <set>
 
@@ -155,6 +156,44 @@ TEST_F(FaultWindows, OutsideTheBytesAreThoseOfTheRunWithout) {
   }
   EXPECT_EQ(decided.size(), lasting.size()) << "a row of `lasting` is of no kind";
   EXPECT_GT(rows, 150U);
+}
+
+// At the begin of a ramp of 1e9 s there is no effect: a change of the numbers is 2e-10 of the change without the
+// ramp, and an event has a probability below 1e-9 in a sample.
+TEST_F(FaultWindows, ARampBeginsWithoutEffect) {
+  std::size_t rows = 0;
+  for (const bool is_can : {true, false}) {
+    const std::vector<Unit> units = {unit(is_can)};
+    const std::vector<std::string> clean = run(units, "", window_run_s).sent[0];
+    const Protocol& protocol = *find_protocol(is_can ? "dbc" : "native");
+    for (const FaultKind* kind : fault_kinds()) {
+      if (!kind->is_ramped || !fault_objection(*kind, protocol, Settings(protocol.settings)).empty()) continue;
+      const bool has_numbers = kind->seam == FaultSeam::sensor || kind->seam == FaultSeam::truth;
+      if (has_numbers && !is_can) continue;
+      for (const std::string_view target : kind->targets) {
+        SCOPED_TRACE(fmt::format("{}.{} on {}", target, kind->name, protocol.name));
+        ++rows;
+        const Sampled begun = run(units, in_window(*kind, target) + "ramp_in_s = 1e9\n", window_run_s);
+        EXPECT_EQ(begun.acted.size(), 1U);
+        if (!has_numbers) {
+          EXPECT_EQ(begun.sent[0], clean);
+          continue;
+        }
+        const Sampled whole = run(units, in_window(*kind, target), window_run_s);
+        std::map<std::string_view, double> change, without_ramp;  // the largest, SI
+        for (std::uint64_t k = 0; k < clean.size(); ++k) {
+          const auto now = quantities(begun.sent[0][k]), then = quantities(whole.sent[0][k]);
+          for (const auto& [name, value] : quantities(clean[k])) {
+            const double rounding = 1e-12 * std::max(1.0, std::abs(value));
+            change[name] = std::max(change[name], std::abs(now.at(name) - value) - rounding);
+            without_ramp[name] = std::max(without_ramp[name], std::abs(then.at(name) - value));
+          }
+        }
+        for (const auto& [name, largest] : change) EXPECT_LE(largest, 1e-6 * without_ramp[name]) << name;
+      }
+    }
+  }
+  EXPECT_GT(rows, 40U);
 }
 
 // Wire and power take one step with each sample: 1000 bytes/s are five in 5 ms, and a start that takes 0.1 s longer
