@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <initializer_list>
 #include <nlohmann/json.hpp>
 #include <sstream>
 #include <utility>
@@ -168,13 +167,9 @@ void print_json(const std::string& path, const Config& config) {
     if (imu.protocol->layout != nullptr) imu_json["layout"] = imu.protocol->layout(imu.settings);
     for (const TriadTerms& triad : triad_terms(imu.model)) {
       const auto& [x, y, z] = triad.axes;
-      for (const auto& [name, term] :
-           std::initializer_list<std::pair<const char*, double AllanTerms::*>>{{"N", &AllanTerms::N},
-                                                                               {"B", &AllanTerms::B},
-                                                                               {"K", &AllanTerms::K},
-                                                                               {"Q", &AllanTerms::Q},
-                                                                               {"R", &AllanTerms::R}})
-        imu_json["noise"][triad.name][name] = Json::array({x.*term, y.*term, z.*term});
+      for (const AllanWords& term : allan_words())
+        imu_json["noise"][triad.name][std::string(1, term.letter)] =
+            Json::array({x.*term.value, y.*term.value, z.*term.value});
     }
     for (const TriadFilter& triad : triad_filters(imu.model)) {
       const Vector3& cut_off = triad.filter.cut_off_hz;

@@ -5,15 +5,36 @@
 
 #include <algorithm>
 #include <functional>
+#include <iterator>
 #include <string_view>
 
 #include "core/units.hpp"
 
 namespace imud {
+namespace {
+
+constexpr double hour = 3600, root_hour = 60, deg = units::degree, mg = 1e-3 * units::standard_gravity;
+
+constexpr AllanWords rows[] = {
+    {'N', "random walk", &AllanTerms::N, {deg / root_hour, "deg/sqrt(h)"}, {1 / root_hour, "m/s/sqrt(h)"}},
+    {'B', "bias instability", &AllanTerms::B, {deg / hour, "deg/h"}, {mg, "mg"}},
+    {'K',
+     "bias random walk",
+     &AllanTerms::K,
+     {deg / hour / root_hour, "deg/h/sqrt(h)"},
+     {mg / root_hour, "mg/sqrt(h)"}},
+    {'Q', "quantization noise", &AllanTerms::Q, {deg / hour, "arcsec"}, {1, "m/s"}},
+    {'R', "bias ramp", &AllanTerms::R, {deg / hour / hour, "deg/h/h"}, {mg / hour, "mg/h"}}};
+static_assert(std::size(rows) * sizeof(double) == sizeof(AllanTerms), "a term has no row");
+constexpr const AllanWords& bias_instability = rows[1];
+
+}  // namespace
+
+std::span<const AllanWords> allan_words() noexcept { return rows; }
 
 std::string TriadTerms::text() const {
   std::vector<std::string> parts;
-  const auto add = [&](std::string_view name, const Unit& unit, auto&& value) {
+  const auto add = [&](const std::string& name, const AllanUnit& unit, auto&& value) {
     const double x = value(axes[0]) / unit.si, y = value(axes[1]) / unit.si, z = value(axes[2]) / unit.si;
     if (x == 0 && y == 0 && z == 0) return;
     if (x == y && x == z)
@@ -21,17 +42,15 @@ std::string TriadTerms::text() const {
     else
       parts.push_back(fmt::format("{} [{:.4g}, {:.4g}, {:.4g}] {}", name, x, y, z, unit.name));
   };
-  add("random walk N", N, std::mem_fn(&AllanTerms::N));
-  add("bias instability B", B, std::mem_fn(&AllanTerms::B));
-  add("bias random walk K", K, std::mem_fn(&AllanTerms::K));
-  add("quantization noise Q", Q, std::mem_fn(&AllanTerms::Q));
-  add("bias ramp R", R, std::mem_fn(&AllanTerms::R));
+  for (const AllanWords& term : rows)
+    add(fmt::format("{} {}", term.name, term.letter), term.*units, std::mem_fn(term.value));
   if (std::ranges::any_of(axes, [](const AllanTerms& axis) { return axis.B > 0; }))
-    add("minimum", B, std::mem_fn(&AllanTerms::minimum));
+    add("minimum", bias_instability.*units, std::mem_fn(&AllanTerms::minimum));
   return fmt::format("{}", fmt::join(parts, ", "));
 }
 
 std::string TriadTerms::bias_text() const {
+  const AllanUnit& B = bias_instability.*units;
   std::vector<std::string> parts;
   if (!turn_on_bias.isZero(0.0))
     parts.push_back(fmt::format("turn-on bias {:.4g} {}", turn_on_bias.maxCoeff() / B.si, B.name));
@@ -62,29 +81,17 @@ std::string TriadTerms::bias_text() const {
 
 std::vector<TriadTerms> triad_terms(const ImuModel& model) {
   const double rate_hz = model.rate_hz * model.internal_samples;
-  constexpr double hour = 3600, root_hour = 60, deg = units::degree, mg = 1e-3 * units::standard_gravity;
-  return {{"gyro",
-           allan_terms(model.gyro, rate_hz),
-           {deg / root_hour, "deg/sqrt(h)"},
-           {deg / hour, "deg/h"},
-           {deg / hour / root_hour, "deg/h/sqrt(h)"},
-           {deg / hour, "arcsec"},
-           {deg / hour / hour, "deg/h/h"},
-           model.gyro.turn_on_bias,
-           model.gyro.g_sensitivity,
-           model.gyro.unit_sigma,
-           model.gyro.turn_on_sigma},
-          {"accelerometer",
-           allan_terms(model.accelerometer, rate_hz),
-           {1 / root_hour, "m/s/sqrt(h)"},
-           {mg, "mg"},
-           {mg / root_hour, "mg/sqrt(h)"},
-           {1, "m/s"},
-           {mg / hour, "mg/h"},
-           model.accelerometer.turn_on_bias,
-           model.accelerometer.g_sensitivity,
-           model.accelerometer.unit_sigma,
-           model.accelerometer.turn_on_sigma}};
+  const auto terms = [rate_hz](const char* name, const TriadErrors& errors, AllanUnit AllanWords::*units) {
+    return TriadTerms{name,
+                      allan_terms(errors, rate_hz),
+                      units,
+                      errors.turn_on_bias,
+                      errors.g_sensitivity,
+                      errors.unit_sigma,
+                      errors.turn_on_sigma};
+  };
+  return {terms("gyro", model.gyro, &AllanWords::gyro),
+          terms("accelerometer", model.accelerometer, &AllanWords::accelerometer)};
 }
 
 namespace {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -10,15 +11,27 @@
 
 namespace imud {
 
-// A triad and the factors from SI to the units in which data sheets give its terms.
+// The unit in which data sheets give a term.
+struct AllanUnit {
+  double si;
+  const char* name;
+};
+
+// The words and units of one member of AllanTerms.
+struct AllanWords {
+  char letter;
+  const char* name;
+  double AllanTerms::*value;
+  AllanUnit gyro, accelerometer;
+};
+// Returns the rows of all terms, in the order of AllanTerms.
+std::span<const AllanWords> allan_words() noexcept;
+
+// The terms of a triad.
 struct TriadTerms {
-  struct Unit {
-    double si;
-    const char* name;
-  };
   const char* name;
   std::array<AllanTerms, 3> axes;
-  Unit N, B, K, Q, R;
+  AllanUnit AllanWords::*units;            // the units of the triad's quantity
   Vector3 turn_on_bias = Vector3::Zero();  // in SI
   Matrix3 g_sensitivity = Matrix3::Zero();
   ConstantErrors unit_sigma = {}, turn_on_sigma = {};

@@ -17,22 +17,22 @@ constexpr double rt_hour = 60;  // sqrt(s)
 constexpr double arcsecond = units::degree / 3600;
 constexpr double milli_g = units::standard_gravity / 1000;
 
-constexpr std::array<TermUnit, allan_term_count> rate_units = {{
+constexpr auto rate_units = std::to_array<TermUnit>({
     {"quantization", "rad", "arcsec", "quantization_arcsec", 1 / arcsecond},
     {"angle random walk", "rad/sqrt(s)", "deg/sqrt(h)", "angle_random_walk_deg_per_rt_hr", rt_hour / units::degree},
     {"bias instability", "rad/s", "deg/h", "bias_instability_deg_per_hr", hour / units::degree},
     {"rate random walk", "rad/s/sqrt(s)", "deg/h/sqrt(h)", "rate_random_walk_deg_per_hr_per_rt_hr",
      hour* rt_hour / units::degree},
     {"rate ramp", "rad/s^2", "deg/h/h", "rate_ramp_deg_per_hr_per_hr", hour* hour / units::degree},
-}};
-constexpr std::array<TermUnit, allan_term_count> force_units = {{
+});
+constexpr auto force_units = std::to_array<TermUnit>({
     {"quantization", "m/s", "mm/s", "quantization_mm_per_s", 1000},
     {"velocity random walk", "m/s/sqrt(s)", "m/s/sqrt(h)", "velocity_random_walk_m_per_s_per_rt_hr", rt_hour},
     {"bias instability", "m/s^2", "mg", "bias_instability_mg", 1 / milli_g},
     {"acceleration random walk", "m/s^2/sqrt(s)", "mg/sqrt(h)", "acceleration_random_walk_mg_per_rt_hr",
      rt_hour / milli_g},
     {"acceleration ramp", "m/s^3", "mg/h", "acceleration_ramp_mg_per_hr", hour / milli_g},
-}};
+});
 constexpr TermUnit rate_deviation = {"deviation", "rad/s", "deg/h", "", hour / units::degree};
 constexpr TermUnit force_deviation = {"deviation", "m/s^2", "mg", "", 1 / milli_g};
 

@@ -8,6 +8,7 @@
 namespace imud {
 
 std::array<double, allan_term_count> unit_variances(AllanKind kind, const AveragingTime& time) noexcept {
+  static_assert(allan_term_count == 5, "give each variance of the new term");
   using std::numbers::ln2;
   using std::numbers::pi;
   const double tau = time.tau_s;

@@ -14,11 +14,12 @@ struct AllanTerm {
   char letter;
   double AllanTerms::*value;
 };
-inline constexpr std::array<AllanTerm, 5> allan_term_list = {{{'Q', &AllanTerms::Q},
-                                                              {'N', &AllanTerms::N},
-                                                              {'B', &AllanTerms::B},
-                                                              {'K', &AllanTerms::K},
-                                                              {'R', &AllanTerms::R}}};
+inline constexpr auto allan_term_list = std::to_array<AllanTerm>({{'Q', &AllanTerms::Q},
+                                                                  {'N', &AllanTerms::N},
+                                                                  {'B', &AllanTerms::B},
+                                                                  {'K', &AllanTerms::K},
+                                                                  {'R', &AllanTerms::R}});
+static_assert(allan_term_list.size() * sizeof(double) == sizeof(AllanTerms), "a term is missing");
 inline constexpr std::size_t allan_term_count = allan_term_list.size();
 
 // One averaging time of a recording.
