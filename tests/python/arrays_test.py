@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 """The arrays that imu-decode writes, by NumPy and h5py, which share nothing with imud."""
 import os
+import re
 import subprocess
 import time
 import unittest
@@ -19,6 +20,23 @@ class Arrays(RunTest):
         config = self.config(IDEAL.format(rate=rate, protocol=protocol, file=self.folder / "imu.bin"))
         run("imud", "replay", config, FLIGHT, "-q")
         return self.folder / "imu.bin", config
+
+    def test_every_format_has_a_file_of_the_rows(self):
+        """Also formats whose content no other test reads: a file that grows with the rows, and a fault that is named."""
+        text, _ = run("imu-decode", "--help")
+        formats = set(re.findall(r"(--\w+) FILE +also writes ", text)) - {"--json"}
+        self.assertGreaterEqual(formats, {"--hdf5", "--mat", "--mcap", "--npy", "--ulog"}, text)
+        file, _ = self.bytes_of("native")
+        few = self.folder / "few.bin"
+        few.write_bytes(file.read_bytes()[:124 * 100])
+        for name in sorted(formats):
+            sizes = []
+            for rows in few, file:
+                run("imu-decode", "native", f"file:{rows}", "--quiet", name, self.folder / "a")
+                sizes.append((self.folder / "a").stat().st_size)
+            self.assertGreater(sizes[1] - sizes[0], 9000 * 8 * 12, name)  # three vectors and more of each row
+            _, errors = run("imu-decode", "native", f"file:{file}", "--quiet", name, self.folder / "no" / "a", exit_code=2)
+            self.assertIn("no/a: cannot write it", errors)
 
     def test_npy_and_hdf5_have_the_values_of_the_csv(self):
         file, config = self.bytes_of("native")

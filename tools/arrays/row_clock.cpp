@@ -19,13 +19,14 @@ std::optional<std::uint64_t> RowClock::next(const MeasurementRow& row) noexcept 
 }
 
 std::string RowClock::fault() const {
+  std::string text;
   if (without_ > 0)
-    return fmt::format("{} of {} measurements carry no time, and are left out; right would be --rate-hz HZ", without_,
+    text = fmt::format("{} of {} measurements carry no time, and are left out; right would be --rate-hz HZ", without_,
                        rows_);
   if (negative_ > 0)
-    return fmt::format("{} of {} measurements are before time 0, which the format cannot state, and are left out",
-                       negative_, rows_);
-  return {};
+    text += fmt::format("{}{} of {} measurements are before time 0, which the format cannot state, and are left out",
+                        text.empty() ? "" : "; ", negative_, rows_);
+  return text;
 }
 
 }  // namespace imud

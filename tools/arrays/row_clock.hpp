@@ -17,7 +17,8 @@ class RowClock {
   // Returns the time of the next measurement in ns, from 0; nullopt if the measurement has no time, or a negative
   // one.
   std::optional<std::uint64_t> next(const MeasurementRow& row) noexcept;
-  // Returns the fault if next() has returned nullopt, with the number of these measurements; empty otherwise.
+  // Returns the faults for which next() has returned nullopt, each with the number of its measurements; empty
+  // otherwise.
   std::string fault() const;
 
  private:

@@ -39,7 +39,7 @@ struct RowAttributes {
 struct RowFormat {
   std::string_view name;
   std::string_view help;  // of its option --NAME
-  bool keeps_attributes = false, needs_time = false;
+  bool keeps_attributes, needs_time;
   std::unique_ptr<RowOutput> (*make)(std::string path, bool with_truth, const RowAttributes& attributes);
 };
 
