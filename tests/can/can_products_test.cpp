@@ -1,7 +1,9 @@
 // All CAN products on one bus, from one imud. Runs in tools/with-vcan.
+#include <algorithm>
 #include <map>
 #include <set>
 
+#include "protocols/protocol.hpp"
 #include "tests/can/can_unit.hpp"
 
 namespace imud {
@@ -34,6 +36,10 @@ const std::vector<Member> members = {
 using CanProductsTest = CanUnitTest;
 
 TEST_F(CanProductsTest, ShareABus) {
+  for (const Protocol* protocol : protocols())
+    EXPECT_TRUE(protocol->link != Link::can ||
+                std::ranges::any_of(members, [&](const Member& one) { return one.protocol == protocol->name; }))
+        << "give " << protocol->name << " a row of `members`";
   std::string units;
   for (const Member& member : members) units += unit(member.protocol, member.keys);
   const std::string config = write_config("lockstep", units);

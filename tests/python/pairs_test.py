@@ -4,6 +4,7 @@
 IMUD_PAIRS=1000 sets how many pairs are tried. The pairs are the same each time: each part is in about as many of them.
 """
 import itertools
+import json
 import os
 import pathlib
 import random
@@ -18,8 +19,10 @@ PAIRS = int(os.environ.get("IMUD_PAIRS", "90"))
 CAPTURES = SOURCE / "tests/captures"
 
 RANGES = "rate_hz = 200\ngyro.max_rad_per_s = 10\naccelerometer.max_m_per_s2 = 200\n"
-CAN = {"native-can", "canopen", "dbc", "dronecan", "j1939", "sbg-can", "xsens-can", "bosch-mm7", "nos3-imu"}
-WITH_RANGES = {"native", "csv", "native-can", "canopen", "dbc"}
+ENTRIES = [entry for entry in json.loads(subprocess.run([PROGRAMS / "imud", "list", "--json"], capture_output=True, check=True).stdout)
+           if entry["kind"] == "protocol"]
+CAN = {entry["name"] for entry in ENTRIES if entry["link"] == "CAN"}
+WITH_RANGES = {entry["name"] for entry in ENTRIES if "rate_hz" not in entry}  # no product, which has its own
 PRODUCTS = ["csv", "stim300", "mip", "vectornav", *sorted(CAN)]
 
 
