@@ -11,6 +11,7 @@
 #include <random>
 #include <thread>
 
+#include "tests/support/environment.hpp"
 #include "tests/support/text.hpp"
 #include "tests/tools/run_program.hpp"
 #include "tests/transports/scratch_folder.hpp"
@@ -112,9 +113,9 @@ TEST(AllanStream, ALongRecordingTakesLittleMemory) {
   const ScratchFolder folder;
   const std::string path = long_array(folder, 2'000'000);
   const char* const options = ::getenv("ASAN_OPTIONS");
-  ::setenv("ASAN_OPTIONS", ((options != nullptr ? std::string(options) + ":" : "") + "quarantine_size_mb=1").c_str(),
-           1);
-  ::setenv("TMPDIR", (folder / "").c_str(), 1);
+  const SetVariable few("ASAN_OPTIONS",
+                        (options != nullptr ? std::string(options) + ":" : "") + "quarantine_size_mb=1");
+  const SetVariable scratch("TMPDIR", folder / "");
   EXPECT_LT(memory_of_a_run({"npy", path, "--rate-hz", "400", "--json", folder / "long.json"}), most_mb);
   const auto json = nlohmann::json::parse(read_file(folder / "long.json"));
   EXPECT_EQ(json["samples"], 2'000'000);
@@ -124,9 +125,8 @@ TEST(AllanStream, ALongRecordingTakesLittleMemory) {
   const auto named = run_program("imu-allan", {"npy", path, "--rate-hz", "400"});
   EXPECT_TRUE(contains(named.errors, "imu-allan: 96 MB of samples are in temporary files in " + (folder / "")))
       << named.errors;
-  ::setenv("TMPDIR", (folder / "absent").c_str(), 1);
+  const SetVariable absent("TMPDIR", folder / "absent");
   const auto refused = run_program("imu-allan", {"npy", path, "--rate-hz", "400"});
-  ::unsetenv("TMPDIR");
   EXPECT_EQ(refused.exit_code, 1);
   EXPECT_TRUE(contains(refused.errors, "right would be another folder in TMPDIR")) << refused.errors;
 }

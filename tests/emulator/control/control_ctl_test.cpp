@@ -2,6 +2,7 @@
 #include <sys/stat.h>
 
 #include "tests/emulator/control/controlled_run.hpp"
+#include "tests/support/environment.hpp"
 #include "tests/support/text.hpp"
 
 namespace imud {
@@ -20,8 +21,6 @@ class ControlCtl : public ControlledRun {
   }
   // A configuration whose socket is found by its name, or by its process number.
   std::string named(const std::string& name) {
-    ::setenv("XDG_RUNTIME_DIR", folder_.c_str(), 1);
-    ::unsetenv("RUNTIME_DIRECTORY");
     const std::string config = running(name.empty() ? "" : fmt::format("name = \"{}\"\n", name));
     std::string text = read_file(config);
     const std::string socket = path("socket");
@@ -36,6 +35,8 @@ class ControlCtl : public ControlledRun {
     imud.stop(SIGKILL);
     return number;
   }
+
+  const SetVariable runtime_{"XDG_RUNTIME_DIR", folder_}, service_{"RUNTIME_DIRECTORY", {}};
 };
 
 TEST_F(ControlCtl, SpeaksOverTcpWithTheToken) {
@@ -101,12 +102,10 @@ TEST_F(ControlCtl, TakesOfTwoRunsOfOneNameTheOneInTheFirstFolder) {
   Program later("imud"), first("imud");
   start(later, config);
   ASSERT_TRUE(later.wait_for_errors("ready")) << later.errors();
-  ::setenv("RUNTIME_DIRECTORY", path("service").c_str(), 1);
+  const SetVariable service("RUNTIME_DIRECTORY", path("service"));
   first.start({"run", config, "--set", "truth.port=udp:127.0.0.1:0"});
-  const bool is_ready = first.wait_for_errors("ready");
+  ASSERT_TRUE(first.wait_for_errors("ready")) << first.errors();
   const Result status = ctl({"--name", "bench", "status", "--json"});
-  ::unsetenv("RUNTIME_DIRECTORY");
-  ASSERT_TRUE(is_ready) << first.errors();
   ASSERT_EQ(status.exit_code, 0) << status.text;
   EXPECT_EQ(nlohmann::json::parse(status.text)["pid"], first.pid());
   EXPECT_EQ(first.stop(), 0);

@@ -3,6 +3,7 @@
 
 #include "tests/emulator/control/control_client.hpp"
 #include "tests/emulator/run/live_test.hpp"
+#include "tests/support/environment.hpp"
 #include "tests/support/text.hpp"
 
 namespace imud {
@@ -404,8 +405,7 @@ TEST_F(ControlRun, SubscribersGetEachBeginningAndEndOfAFault) {
 }
 
 TEST_F(ControlRun, CtlFindsTheRunByItsName) {
-  ::setenv("XDG_RUNTIME_DIR", folder_.c_str(), 1);
-  ::unsetenv("RUNTIME_DIRECTORY");
+  const SetVariable runtime("XDG_RUNTIME_DIR", folder_), service("RUNTIME_DIRECTORY", {});
   const auto ctl = [&](std::vector<std::string> arguments) {
     Program program("imud");
     arguments.insert(arguments.begin(), "ctl");
