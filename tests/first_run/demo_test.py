@@ -23,6 +23,15 @@ class DemoTest(unittest.TestCase):
         self.folder = pathlib.Path(folder.name)
         self.environment = {**os.environ, "TMPDIR": str(self.folder)}
 
+    def undisturbed(self, demo):
+        """What `demo` shows when no frame is dropped: on a busy machine its reader may not run for a third of a second,
+        after which the pty is full."""
+        for _ in range(10):
+            text = demo()
+            if "frames sent, 0 dropped" in text:
+                break
+        return text
+
     def expect_flight(self, text, seconds):
         rows = [[float(number) for number in row] for row in ROW.findall(text)]
         self.assertGreaterEqual(len(rows), 2 * seconds - 1, text)
@@ -37,26 +46,34 @@ class DemoTest(unittest.TestCase):
 
     def test_in_a_pipe_without_network(self):
         as_root = [] if os.geteuid() == 0 else ["--map-root-user"]
-        done = subprocess.run(["unshare", *as_root, "--net", IMUD, "demo", "--for", "3"], capture_output=True, text=True,
-                              env=self.environment)
-        self.assertEqual((done.returncode, done.stderr), (0, ""))
-        self.expect_flight(done.stdout, 3)
-        self.assertRegex(done.stdout, r"(?m)^\$ imud run .*tools/demo\.toml")
-        self.assertRegex(done.stdout, r"(?m)^\$ imu-decode native pty:")
+
+        def demo():
+            done = subprocess.run(["unshare", *as_root, "--net", IMUD, "demo", "--for", "3"], capture_output=True, text=True,
+                                  env=self.environment)
+            self.assertEqual((done.returncode, done.stderr), (0, ""))
+            return done.stdout
+
+        text = self.undisturbed(demo)
+        self.expect_flight(text, 3)
+        self.assertRegex(text, r"(?m)^\$ imud run .*tools/demo\.toml")
+        self.assertRegex(text, r"(?m)^\$ imu-decode native pty:")
 
     def test_at_a_terminal(self):
-        child, terminal = pty.fork()
-        if child == 0:
-            os.execve(IMUD, [IMUD, "demo", "--for", "2"], self.environment)
-        text = ""
-        while True:
-            try:
-                text += os.read(terminal, 65536).decode()
-            except OSError:
-                break
-        self.assertEqual(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), 0, text)
-        os.close(terminal)
-        self.expect_flight(text, 2)
+        def demo():
+            child, terminal = pty.fork()
+            if child == 0:
+                os.execve(IMUD, [IMUD, "demo", "--for", "2"], self.environment)
+            text = ""
+            while True:
+                try:
+                    text += os.read(terminal, 65536).decode()
+                except OSError:
+                    break
+            self.assertEqual(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), 0, text)
+            os.close(terminal)
+            return text
+
+        self.expect_flight(self.undisturbed(demo), 2)
 
     def test_nothing_is_left_behind_by_a_signal(self):
         for number, exit_code in (signal.SIGTERM, 143), (signal.SIGINT, 130):

@@ -92,14 +92,17 @@ TEST_F(LiveLine, AMismatchOfAMomentIsNotReported) {
   ASSERT_TRUE(eventually([&] { return std::filesystem::is_symlink(path("imu")); }));
   const FileDescriptor client = open_terminal(path("imu"));
   ASSERT_TRUE(imud.wait_for_errors("takes frames")) << imud.errors();
+  std::size_t long_ones = 0;  // of a busy machine, which may be reported
   for (int i = 0; i < 3; ++i) {
+    const HostTime begin = host_now();
     ASSERT_TRUE(set_line_speed(client.get(), 9600));
     std::this_thread::sleep_for(250ms);
     ASSERT_TRUE(set_line_speed(client.get(), 115'200));
+    if (host_now() - begin >= 2s) ++long_ones;
     std::this_thread::sleep_for(250ms);
   }
   EXPECT_EQ(imud.stop(), 0);
-  EXPECT_EQ(count(imud.errors(), "garbage"), 0U) << imud.errors();
+  EXPECT_LE(count(imud.errors(), "garbage"), long_ones) << imud.errors();
 }
 
 // 124 characters of ten bits at 90 Hz: 96.9 % of the line.
