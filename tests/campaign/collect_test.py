@@ -16,7 +16,7 @@ import sys
 import tempfile
 import unittest
 
-from shard_files import row_of, write_all, write_campaign, write_shard
+from shard_files import row_of, write_all, write_campaign, write_shard, write_unfinished_shard
 
 PROGRAM = pathlib.Path(sys.argv.pop(1)).resolve()
 HOSTILE = ['comma, "quote"', "line\nfeed\r", "'; DROP TABLE cases; --", "select", "ORDER", "", " ", "naïve ☃", "%s{}\\", "[1]", "=1+1", "\t"]
@@ -123,7 +123,7 @@ class TableTest(unittest.TestCase):
                 self.assertEqual(folder.collect(name), expected)
             # A shard for each case, and files that are no shards.
             write_all(folder.path / "d", rows, 1)
-            (folder.path / "d/shards/.000000100-000000100.host.77.tmp").write_text("half of it")
+            write_unfinished_shard(folder.path / "d", 100, 100)
             (folder.path / "d/shards/README").write_text("nothing")
             self.assertEqual(folder.collect("d"), expected)
             self.assertEqual(folder.run("collect", "d", "--csv", "-").stdout, expected[0])

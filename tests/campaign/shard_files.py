@@ -38,6 +38,11 @@ def write_shard(folder, rows):
     return path
 
 
+def write_unfinished_shard(folder, first, last):
+    """Writes a part of a shard that a process of another host is writing (TemporaryFile of emulator/campaign/shards/shard.hpp)."""
+    (pathlib.Path(folder) / "shards" / f".{first:09}-{last:09}.n2.example.boot-1.5.tmp").write_text("{")
+
+
 def write_campaign(folder, cases, batch, **members):
     folder = pathlib.Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
