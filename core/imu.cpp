@@ -159,6 +159,16 @@ template <bool Rare, class Out>
   out.delta_velocity = accelerometer.increment;
   out.status =
       gyro.saturated * status::gyro_saturated_x + accelerometer.saturated * status::accelerometer_saturated_x;
+  if constexpr (Rare)
+    if (inclinometer_) [[unlikely]]
+      out.status |= incline(step_of(specific_force, delta_velocity));
+}
+
+// Takes an internal sample of the inclinometers, which stand where the accelerometers stand. Returns its status.
+IMUD_DISPATCHED [[gnu::noinline]] std::uint32_t Imu::incline(TriadStep step) noexcept {
+  inclinometer_->apply(step);
+  inclination_ = step.value;
+  return step.saturated * status::inclinometer_saturated_x;
 }
 
 TruthTime Imu::next_internal() const noexcept {
@@ -212,6 +222,8 @@ IMUD_DISPATCHED [[gnu::noinline]] void Imu::measure_last(const MotionState& now,
   out.delta_angle += internal_.delta_angle;
   out.delta_velocity += internal_.delta_velocity;
   out.status |= internal_.status;
+  if (inclinometer_) [[unlikely]]
+    out.inclination = inclination_;
   internal_ = {.time = time, .since_power_on = since_power_on};
 }
 

@@ -39,9 +39,9 @@ enum class DeltaVelocity : std::uint8_t {
 // Everything that makes one sensor differ from another. `dcm_PB` is a rotation.
 struct ImuModel {
   double rate_hz = 100;  // the nominal sample rate, above 0
-  // Gyros and accelerometers are sampled this many times as often, at least 1, at equal intervals: a sample has the
-  // value of the last of these internal samples, and the sum of their increments. Densities of noise are sampled at
-  // the internal rate, and filters run at it; the parameters of GaussMarkov are per internal sample.
+  // Gyros, accelerometers and inclinometers are sampled this many times as often, at least 1, at equal intervals: a
+  // sample has the value of the last of these internal samples, and the sum of their increments. Densities of noise
+  // are sampled at the internal rate, and filters run at it; the parameters of GaussMarkov are per internal sample.
   int internal_samples = 1;
   Vector3 r_SB_B = Vector3::Zero();  // m, the lever arm
   Matrix3 dcm_PB = Matrix3::Identity();
@@ -67,11 +67,12 @@ struct ImuModel {
   TemperatureModel temperature;
   EarthModel earth;
   TriadErrors magnetometer;
+  std::optional<TriadErrors> inclinometer;        // m/s^2; nullopt: the sensor has no inclinometers
   Vector3 current_field = Vector3::Zero();        // T/A, platform axes: the field of the vehicle's electric current
   Vector3 current_field_sigma = Vector3::Zero();  // T/A, standard deviation from unit to unit, not negative
   BarometerErrors barometer;
   NavigationErrors navigation;
-  std::vector<Cause> causes;  // of correlations between the drawn errors of the three triads; of different names
+  std::vector<Cause> causes;  // of correlations between the drawn errors of the triads; of different names
 };
 
 // Returns the period of the internal samples, s.
@@ -206,6 +207,7 @@ class Imu {
   void take_internal(const MotionState& now, TruthTime time) noexcept;
   void measure_last(const MotionState& now, TruthTime time, bool is_first, Vector3 delta_angle,
                     Vector3 delta_velocity, Sample& out) noexcept;
+  std::uint32_t incline(TriadStep step) noexcept;
   template <bool Rare, class Out>
   void measure(const MotionState& now, TruthTime time, std::uint64_t k, double dt, double since_power_on,
                bool begins_run, Vector3& delta_angle, Vector3& delta_velocity, Out& out) noexcept;
@@ -253,6 +255,8 @@ class Imu {
   Earth earth_;
   Rest rest_;
   Triad magnetometer_;
+  std::optional<Triad> inclinometer_;
+  Vector3 inclination_ = Vector3::Zero();  // m/s^2, the last value of inclinometer_
   Temperature temperature_;
   std::optional<double> surroundings_c_;  // by the truth of the current sample
   Surroundings surroundings_;
@@ -261,7 +265,7 @@ class Imu {
   // Navigation::origin in this run.
   std::optional<Geodetic> origin_;
   bool is_disturbed_;             // disturb() does something
-  bool measures_slowly_;          // it has internal samples, or rare effects
+  bool measures_slowly_;          // it has internal samples, rare effects, or inclinometers
   bool follows_truth_;            // follow_truth() does something
   bool has_surroundings_;         // update_surroundings() does something
   bool had_field_ = false;        // the last sample of this run had a magnetic field

@@ -26,6 +26,10 @@ void Imu::continue_from(const Imu& before) noexcept {
   gyro_.continue_from(before.gyro_, normals_, internal_number());
   accelerometer_.continue_from(before.accelerometer_, normals_, internal_number());
   magnetometer_.continue_from(before.magnetometer_, normals_, counter_);
+  if (inclinometer_ && before.inclinometer_)
+    inclinometer_->continue_from(*before.inclinometer_, normals_, internal_number());
+  else if (inclinometer_)
+    inclinometer_->seek(normals_, internal_number());
   barometer_.continue_from(before.barometer_, normals_, counter_);
   navigation_.continue_from(before.navigation_, normals_, counter_);
   temperature_.continue_from(before.temperature_);

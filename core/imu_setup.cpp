@@ -54,12 +54,17 @@ Imu::Imu(const ImuModel& model, std::uint64_t seed, std::uint32_t stream)
       barometer_(model.barometer, 1.0 / model.rate_hz),
       navigation_(model.navigation, 1.0 / model.rate_hz),
       is_disturbed_(vibration_.is_on() || size_effect_.is_on()),
-      measures_slowly_(has_internal() || gyro_.has_rare() || accelerometer_.has_rare()),
+      measures_slowly_(has_internal() || gyro_.has_rare() || accelerometer_.has_rare() || model.inclinometer),
       follows_truth_(temperature_.follows_truth() || vibration_.follows()),
       has_surroundings_(temperature_.is_on() || vibration_.follows()),
       period_s_(1.0 / model.rate_hz) {
   surroundings_.temperature_c = model.temperature_c;
   barometer_.draw(normals_);
+  if (model.inclinometer)
+    inclinometer_.emplace(
+        in_vibration(drawn_errors(*model.inclinometer, Quantity::inclination, normals_, normals_, 0, model.causes),
+                     vibration_),
+        Quantity::inclination, internal_period_s(model));
 }
 
 // Takes the temperature of the surroundings, and the states that vibration follows, from the truth at `time`.
@@ -82,6 +87,7 @@ void Imu::seek(std::uint64_t k) noexcept {
   gyro_.seek(normals_, internal_number());
   accelerometer_.seek(normals_, internal_number());
   magnetometer_.seek(normals_, k);
+  if (inclinometer_) inclinometer_->seek(normals_, internal_number());
   barometer_.seek(normals_, k);
   navigation_.seek(normals_, k);
 }
@@ -94,6 +100,7 @@ void Imu::power_on(std::uint64_t number) noexcept {
   gyro_.power_on(number);
   accelerometer_.power_on(number);
   magnetometer_.power_on(number);
+  if (inclinometer_) inclinometer_->power_on(number);
   draw_constants();
 }
 
@@ -108,6 +115,7 @@ void Imu::draw_constants() noexcept {
   draw(gyro_, model_.gyro, Quantity::rate);
   draw(accelerometer_, model_.accelerometer, Quantity::specific_force);
   draw(magnetometer_, model_.magnetometer, Quantity::magnetic_field);
+  if (inclinometer_) draw(*inclinometer_, *model_.inclinometer, Quantity::inclination);
 }
 
 void Imu::set_bias(Quantity quantity, const Vector3& bias) noexcept {
@@ -128,18 +136,21 @@ const Vector3& Imu::bias(Quantity quantity) const noexcept {
 void Imu::set_seed(std::uint64_t seed) noexcept {
   normals_.set_seed(seed);
   for (Triad* triad : {&gyro_, &accelerometer_, &magnetometer_}) triad->forget_numbers();
+  if (inclinometer_) inclinometer_->forget_numbers();
   barometer_.forget_numbers();
   navigation_.forget_numbers();
 }
 
 void Imu::reserve_filters(int length) {
   for (Triad* triad : {&gyro_, &accelerometer_, &magnetometer_}) triad->reserve_filter(length);
+  if (inclinometer_) inclinometer_->reserve_filter(length);
 }
 
 void Imu::set_filters(const SensorFilters& filters) noexcept {
   gyro_.set_filter(filters.gyro);
   accelerometer_.set_filter(filters.accelerometer);
   magnetometer_.set_filter(filters.magnetometer);
+  if (inclinometer_) inclinometer_->set_filter(filters.inclinometer);
 }
 
 }  // namespace imud

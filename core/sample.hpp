@@ -20,6 +20,7 @@ inline constexpr std::uint32_t at_rest = 1U << 9;            // there was no tru
 inline constexpr std::uint32_t rate_derived = 1U << 10;      // the truth's rate was derived from attitudes
 inline constexpr std::uint32_t force_derived = 1U << 11;     // the truth's specific force was derived from poses
 inline constexpr std::uint32_t self_test_failed = 1U << 12;  // the sensor's self test reports a failure
+inline constexpr std::uint32_t inclinometer_saturated_x = 1U << 13;  // y and z: the next two
 }  // namespace status
 
 // A place on the Earth, on WGS 84.
@@ -111,6 +112,7 @@ struct Sample {
   std::optional<Solution> solution;          // nullopt: q_LP and navigation are the truth's, with NavigationErrors
   Vector3 magnetic_field = Vector3::Zero();  // T; 0 where the place is unknown
   double pressure = 0;                       // Pa; 0 if unknown
+  std::optional<Vector3> inclination;        // m/s^2, the specific force by the inclinometers; nullopt: it has none
   std::uint32_t status = 0;                  // bits of namespace status
   std::int32_t stamp_error_ns = 0;           // the error of stamp()
 };

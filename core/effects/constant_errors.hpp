@@ -88,11 +88,14 @@ struct Cause {
   bool is_per_axis = false;
   // The loads, -1 to 1; the squares of an element's loads by all causes add up to at most 1. In the layer `turn_on`,
   // the loads of `bias` are for TriadErrors::turn_on_bias.
-  ConstantErrors gyro, accelerometer, magnetometer;
+  ConstantErrors gyro, accelerometer, magnetometer, inclinometer;
 
   // Returns the loads of the triad that measures this quantity.
   const ConstantErrors& loads(Quantity quantity) const noexcept {
-    return quantity == Quantity::rate ? gyro : quantity == Quantity::specific_force ? accelerometer : magnetometer;
+    return quantity == Quantity::rate             ? gyro
+           : quantity == Quantity::specific_force ? accelerometer
+           : quantity == Quantity::inclination    ? inclinometer
+                                                  : magnetometer;
   }
   // Returns the deviates of the axes. `number` counts the power ons from 0; the layer `unit` ignores it.
   Vector3 drawn(const Normals& normals, std::uint64_t number) const noexcept {

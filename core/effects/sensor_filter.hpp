@@ -40,7 +40,7 @@ double group_delay_s(std::span<const double> taps, double rate_hz);
 
 // The filters that a product has set in itself.
 struct SensorFilters {
-  SensorFilter gyro, accelerometer, magnetometer;
+  SensorFilter gyro, accelerometer, magnetometer, inclinometer = {};
   bool operator==(const SensorFilters&) const = default;
 };
 

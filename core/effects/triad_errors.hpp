@@ -23,10 +23,10 @@ struct AxisLimits {
 // The taps of a filter, shared so that a copy does not allocate; nullptr: none.
 using FirTaps = std::shared_ptr<const std::vector<double>>;
 
-// The errors of three gyros (u is rad/s), accelerometers (m/s^2) or magnetometers (T), one of a kind on each platform
-// axis. The default of every member switches its effect off. Densities are continuous: their spectra do not depend on
-// the sample rate. Each group has the parameters of the effect named above the group; the effect's header has the
-// equation.
+// The errors of three gyros (u is rad/s), accelerometers or inclinometers (m/s^2), or magnetometers (T), one of a
+// kind on each platform axis. The default of every member switches its effect off. Densities are continuous: their
+// spectra do not depend on the sample rate. Each group has the parameters of the effect named above the group; the
+// effect's header has the equation.
 struct TriadErrors {
   // Misalignment
   Matrix3 misalignment = Matrix3::Identity();  // row i: the input axis of sensor i, in platform axes

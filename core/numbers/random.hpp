@@ -22,6 +22,7 @@ enum class Quantity : std::uint32_t {
   velocity = 5,
   attitude = 6,
   gnss_time = 7,
+  inclination = 8,
 };
 enum class Process : std::uint32_t {
   gauss_markov = 0,
