@@ -174,6 +174,7 @@ struct CanMessage {
 struct Product {
   double rate_hz = 0;  // its internal sample rate, whatever it sends
   TriadErrors gyro, accelerometer, magnetometer;
+  std::optional<TriadErrors> inclinometer;  // nullopt: it has no inclinometers
   BarometerErrors barometer;
 };
 

@@ -71,19 +71,21 @@ std::string ports_that(Condition condition) {
 }
 
 // Reads the errors of three sensors. `product`: the values of absent keys; nullptr: an ideal sensor's values, and the
-// range is required. `rate_hz`: the rate of their samples; for gyros and accelerometers the internal rate. `density`:
+// range is required. `rate_hz`: the rate of their samples; for all but magnetometers the internal rate. `density`:
 // how the white noise of `product` was stated (triad_config.cpp).
 TriadErrors read_gyro(TableReader table, const TriadErrors* product, double rate_hz,
                       Sidedness density = Sidedness::none);
 TriadErrors read_accelerometer(TableReader table, const TriadErrors* product, double rate_hz,
                                Sidedness density = Sidedness::none);
+TriadErrors read_inclinometer(TableReader table, const TriadErrors* product, double rate_hz,
+                              Sidedness density = Sidedness::none);
 // The field of an electric current, T/A, and its standard deviation from unit to unit.
 struct CurrentField {
   Vector3 field, sigma;
 };
 TriadErrors read_magnetometer(TableReader table, const TriadErrors* product, double rate_hz, CurrentField& current);
 
-// Reads [[imu.cause]] into model.causes. Requires that the errors of the three triads have been read
+// Reads [[imu.cause]] into model.causes. Requires that the errors of the triads have been read
 // (sensor_keys.cpp).
 void read_causes(TableReader& imu, ImuModel& model);
 

@@ -8,6 +8,7 @@
 #include "emulator/config/line_load.hpp"
 #include "emulator/config/presets.hpp"
 #include "emulator/frames/described_protocols.hpp"
+#include "emulator/plan/inclinometers.hpp"
 
 namespace imud {
 namespace {
@@ -202,16 +203,35 @@ void set_device_filter(TableReader table, const SensorFilter& filter, TriadError
   if (!table.has("fir_taps")) errors.fir_taps.reset();
 }
 
+// Reads the errors of the inclinometers. A product without inclinometers has none, and the table is a fault. The
+// record of a run from before inclinometers had errors of their own is repeated as it was, without them.
+void read_inclinometers(TableReader& table, const TriadErrors* product, double internal_hz, Sidedness density,
+                        const TruthConfig& truth, ImuConfig& imu) {
+  const bool is_given = table.has("inclinometer");
+  if (!is_given && (product == nullptr || was_recorded_without(truth.port, "[imu.inclinometer]"))) return;
+  const TriadErrors none;
+  const TriadErrors errors =
+      read_inclinometer(table.child("inclinometer"), product != nullptr ? product : &none, internal_hz, density);
+  if (product != nullptr)
+    imu.model.inclinometer = errors;
+  else if (imu.protocol != nullptr)
+    table.fault("inclinometer", inclinometer_objection(*imu.protocol, imu.settings));
+}
+
 // Reads the errors of all sensors. Keys that are absent have the values of the model.
-void read_errors(TableReader& table, const std::optional<Product>& product, ImuConfig& imu) {
+void read_errors(TableReader& table, const std::optional<Product>& product, const TruthConfig& truth,
+                 ImuConfig& imu) {
   imu.model.rate_hz = imu.rate_hz;
   std::optional<TriadErrors> gyro, accelerometer;
   TriadErrors magnetometer;
-  Sidedness gyro_density = Sidedness::none, accelerometer_density = Sidedness::none;
+  std::optional<TriadErrors> inclinometer;
+  Sidedness gyro_density = Sidedness::none, accelerometer_density = Sidedness::none,
+            inclinometer_density = Sidedness::none;
   if (product) {
     gyro = product->gyro;
     accelerometer = product->accelerometer;
     magnetometer = product->magnetometer;
+    inclinometer = product->inclinometer;
     imu.model.barometer = product->barometer;
   }
   const std::string_view own = own_model(table, imu);
@@ -234,6 +254,11 @@ void read_errors(TableReader& table, const std::optional<Product>& product, ImuC
       accelerometer = errors.accelerometer;
       gyro_density = errors.gyro_density;
       accelerometer_density = errors.accelerometer_density;
+      if (inclinometer && errors.inclinometer) {
+        inclinometer = errors.inclinometer;
+        inclinometer_density = errors.inclinometer_density;
+        fit(*inclinometer, *product->inclinometer, preset->name == own);
+      }
       if (errors.magnetometer) magnetometer = *errors.magnetometer;
       if (errors.barometer) imu.model.barometer = *errors.barometer;
       if (!is_decimated) internal_hz = errors.internal_rate_hz;
@@ -244,13 +269,15 @@ void read_errors(TableReader& table, const std::optional<Product>& product, ImuC
     gyro = ideal(*gyro);
     accelerometer = ideal(*accelerometer);
     magnetometer = ideal(magnetometer);
+    if (inclinometer) inclinometer = ideal(*inclinometer);
     imu.model.barometer = {};
   }
   internal_hz = read_internal_rate(table, internal_hz, imu);
   // A product's white noise applies to one sample at its rate.
   if (imu.errors_model == "white" && product)
-    for (TriadErrors* errors : {&*gyro, &*accelerometer})
-      if (errors->walk_transition.isZero(0.0)) errors->walk_sqrt_cov *= std::sqrt(imu.model.internal_samples);
+    for (TriadErrors* errors : {&*gyro, &*accelerometer, inclinometer ? &*inclinometer : nullptr})
+      if (errors != nullptr && errors->walk_transition.isZero(0.0))
+        errors->walk_sqrt_cov *= std::sqrt(imu.model.internal_samples);
   imu.model.gyro = read_gyro(table.child("gyro"), gyro ? &*gyro : nullptr, internal_hz, gyro_density);
   imu.model.accelerometer = read_accelerometer(
       table.child("accelerometer"), accelerometer ? &*accelerometer : nullptr, internal_hz, accelerometer_density);
@@ -258,10 +285,13 @@ void read_errors(TableReader& table, const std::optional<Product>& product, ImuC
   imu.model.magnetometer = read_magnetometer(table.child("magnetometer"), &magnetometer, imu.rate_hz, current);
   imu.model.current_field = current.field;
   imu.model.current_field_sigma = current.sigma;
+  read_inclinometers(table, inclinometer ? &*inclinometer : nullptr, internal_hz, inclinometer_density, truth, imu);
   if (!filters) return;
   set_device_filter(table.child("gyro"), filters->gyro, imu.model.gyro);
   set_device_filter(table.child("accelerometer"), filters->accelerometer, imu.model.accelerometer);
   set_device_filter(table.child("magnetometer"), filters->magnetometer, imu.model.magnetometer);
+  if (imu.model.inclinometer)
+    set_device_filter(table.child("inclinometer"), filters->inclinometer, *imu.model.inclinometer);
 }
 
 // Adds the fault that a protocol has found in its settings. The text of the fault begins with the key of the
@@ -382,7 +412,7 @@ ImuConfig read_imu(TableReader& table, std::size_t index, const TruthConfig& tru
   imu.model.temperature = read_temperature(table.child("temperature"));
   imu.model.oscillator = read_oscillator(table.child("clock"));
   imu.model.vibration = read_vibration(table.child("vibration"));
-  read_errors(table, product, imu);
+  read_errors(table, product, truth, imu);
   read_causes(table, imu.model);
   read_barometer(table.child("barometer"), imu.model.barometer);
   read_navigation(table.child("navigation"), truth, imu);

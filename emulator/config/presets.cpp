@@ -127,7 +127,8 @@ bool PresetErrors::is_within(double rate_hz) const {
 
 void PresetErrors::decimate(double rate_hz) {
   const double share = std::min(1.0, rate_hz / internal_rate_hz);
-  for (TriadErrors* triad : {&gyro, &accelerometer}) {
+  for (TriadErrors* triad : {&gyro, &accelerometer, inclinometer ? &*inclinometer : nullptr}) {
+    if (triad == nullptr) continue;
     triad->filter = {};
     triad->fir_taps.reset();
     if (decimation == Decimation::mean) triad->lsb *= share;
@@ -157,6 +158,10 @@ PresetErrors preset_errors(const Preset& preset, double rate_hz) {
     errors.accelerometer = read_accelerometer(imu.child("accelerometer"), nullptr, internal_hz);
     errors.gyro_density = sidedness_of(file["imu"]["gyro"].as_table());
     errors.accelerometer_density = sidedness_of(file["imu"]["accelerometer"].as_table());
+    if (imu.has("inclinometer")) {
+      errors.inclinometer = read_inclinometer(imu.child("inclinometer"), nullptr, internal_hz);
+      errors.inclinometer_density = sidedness_of(file["imu"]["inclinometer"].as_table());
+    }
   }
   if (has_magnetometer) {
     CurrentField no_current;

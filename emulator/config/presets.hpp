@@ -20,9 +20,9 @@ enum class Sidedness : std::uint8_t { none, two_sided, one_sided };
 
 // A file: a line with the sensor's name, a line with the source, then, where a bandwidth is known, [imu] with the
 // internal rate and the decimation, then [imu.gyro] and [imu.accelerometer] as in a configuration, or
-// [imu.magnetometer], or [imu.barometer], or several of these. The comment "unconfirmed: from memory", "secondary
-// source" or "assumed" after a value marks a value that is not from a document of the manufacturer. Files of users
-// have the same form, but need not have the first two lines.
+// [imu.magnetometer], or [imu.barometer], or several of these; [imu.inclinometer] beside the gyros. The comment
+// "unconfirmed: from memory", "secondary source" or "assumed" after a value marks a value that is not from a document
+// of the manufacturer. Files of users have the same form, but need not have the first two lines.
 struct Preset {
   std::string_view name;
   std::string_view text;
@@ -67,14 +67,16 @@ struct PresetErrors {
   Sidedness gyro_density = Sidedness::none, accelerometer_density = Sidedness::none;
   std::optional<TriadErrors> magnetometer;
   Sidedness magnetometer_density = Sidedness::none;
+  std::optional<TriadErrors> inclinometer;
+  Sidedness inclinometer_density = Sidedness::none;
   std::optional<BarometerErrors> barometer;
 
   // Returns whether the bandwidth is within half of this sample rate, Hz. The bandwidth of sensors without a filter
   // is half of the internal rate. Decimation to a lower rate aliases noise: then the samples do not have the density
   // of the data sheet, which a user of the preset expects by default.
   bool is_within(double rate_hz) const;
-  // Removes the filters of gyros and accelerometers. The remaining noise and digits are correct for a sensor whose
-  // samples at this rate, Hz, do not alias.
+  // Removes the filters of gyros, accelerometers and inclinometers. The remaining noise and digits are correct for a
+  // sensor whose samples at this rate, Hz, do not alias.
   void decimate(double rate_hz);
 };
 // Returns the errors at this sample rate, Hz, or the preset's internal rate if higher. Throws ConfigError if the

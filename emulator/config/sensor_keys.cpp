@@ -61,7 +61,7 @@ void read_spread(TableReader table, const SensorKeys& keys, const AxisLimits& ra
     rows("cross_sensitivity_deg_per_hr_per_g2", per_g / g, sigma.cross_sensitivity);
     rows("vibration_rectification_deg_per_hr_per_g2", per_g / g, sigma.vibration_rectification);
   }
-  if (&keys == &accelerometer_keys) {
+  if (&keys == &accelerometer_keys || &keys == &inclinometer_keys) {
     constexpr double ug_per_g2 = 1e-6 / g;
     rows("cross_sensitivity_ug_per_g2", ug_per_g2, sigma.cross_sensitivity);
     rows("vibration_rectification_ug_per_g2", ug_per_g2, sigma.vibration_rectification);
@@ -129,6 +129,18 @@ const SensorKeys accelerometer_keys = {
     .ramp_units = {{"m_per_s3", 1}, {"mg_per_hr", 1e-3 * g / hour}, {"ug_per_hr", 1e-6 * g / hour}},
     .increment_lsb = "lsb_delta_velocity_m_per_s",
     .quantization = {{"m_per_s", 1}, {"mm_per_s", 1e-3}, {"um_per_s", 1e-6}}};
+
+// An inclinometer is an accelerometer without increments.
+const SensorKeys inclinometer_keys = {.value = accelerometer_keys.value,
+                                      .white = accelerometer_keys.white,
+                                      .white_units = accelerometer_keys.white_units,
+                                      .density = accelerometer_keys.density,
+                                      .walk = accelerometer_keys.walk,
+                                      .ramp = accelerometer_keys.ramp,
+                                      .walk_units = accelerometer_keys.walk_units,
+                                      .ramp_units = accelerometer_keys.ramp_units,
+                                      .increment_lsb = "",
+                                      .quantization = {}};
 
 const SensorKeys magnetometer_keys = {
     .value = {unit(key_units::magnetic_field, "_t"), unit(key_units::magnetic_field, "_ut"),
@@ -202,13 +214,14 @@ void read_rare_terms(TableReader& table, const SensorKeys& keys, double rate_hz,
 
 namespace {
 
-constexpr std::string_view triad_names[] = {"gyro", "accelerometer", "magnetometer"};
+constexpr std::string_view triad_names[] = {"gyro", "accelerometer", "magnetometer", "inclinometer"};
 constexpr std::string_view layer_names[] = {"unit", "turn_on"};
 
 // Reads the loads of one triad. Each row of a matrix has one load, but each degree of the temperature has its own
 // load.
 void read_loads(TableReader table, std::string_view triad, ConstantErrors& loads) {
   std::size_t i = 0;
+  const bool measures_force = triad == "accelerometer" || triad == "inclinometer";
   const auto read = [&](const std::string& key) { return table.per_axis(key, Vector3::Zero(), -1, 1); };
   const auto read_term = [&](auto& term) {
     const std::string key(constant_error_names[i++]);
@@ -217,16 +230,15 @@ void read_loads(TableReader table, std::string_view triad, ConstantErrors& loads
     } else if (&term == &loads.temperature_scale || &term == &loads.temperature_bias) {
       for (int degree = 0; degree < 3; ++degree) term.col(degree) = read(key_of(key, degrees_of_temperature[degree]));
     } else {
-      const bool has_it = triad == "gyro" || (triad == "accelerometer" && &term != &loads.g_sensitivity) ||
-                          &term == &loads.misalignment;
+      const bool has_it =
+          triad == "gyro" || (measures_force && &term != &loads.g_sensitivity) || &term == &loads.misalignment;
       if (has_it) term = read(key).rowwise().template replicate<3>();
     }
   };
   for_each_constant(read_term, loads);
   // Clears the loads of elements that are never drawn.
   loads.misalignment.diagonal().setZero();
-  if (triad == "accelerometer")
-    loads.vibration_rectification = Matrix3(loads.vibration_rectification.diagonal().asDiagonal());
+  if (measures_force) loads.vibration_rectification = Matrix3(loads.vibration_rectification.diagonal().asDiagonal());
   table.finish();
 }
 
@@ -267,7 +279,8 @@ bool is_name(std::string_view name) {
 }  // namespace
 
 void read_causes(TableReader& imu, ImuModel& model) {
-  ConstantErrors squares[2][3];
+  ConstantErrors squares[2][4];
+  const TriadErrors no_errors;
   for (TableReader& table : children(imu, "cause", "imu.cause")) {
     Cause cause;
     require(table, "name", "the cause's, by which summary and labels have what it drew");
@@ -279,16 +292,19 @@ void read_causes(TableReader& imu, ImuModel& model) {
     cause.layer = table.choice<DrawnLayer>(
         "layer", {{DrawnLayer::unit, layer_names[0]}, {DrawnLayer::turn_on, layer_names[1]}}, DrawnLayer::unit);
     cause.is_per_axis = table.flag("per_axis", false);
-    ConstantErrors* const loads[] = {&cause.gyro, &cause.accelerometer, &cause.magnetometer};
-    const TriadErrors* const errors[] = {&model.gyro, &model.accelerometer, &model.magnetometer};
+    ConstantErrors* const loads[] = {&cause.gyro, &cause.accelerometer, &cause.magnetometer, &cause.inclinometer};
+    const TriadErrors* const errors[] = {&model.gyro, &model.accelerometer, &model.magnetometer,
+                                         model.inclinometer ? &*model.inclinometer : &no_errors};
     const bool is_of_unit = cause.layer == DrawnLayer::unit;
-    for (std::size_t i = 0; i < 3; ++i) {
+    for (std::size_t i = 0; i < std::size(loads); ++i) {
+      // The key is known, but has no values in the resolved configuration of an imu without inclinometers.
+      if (errors[i] == &no_errors && !table.has(triad_names[i])) continue;
       read_loads(table.child(triad_names[i]), triad_names[i], *loads[i]);
       ConstantErrors sigma = is_of_unit ? errors[i]->unit_sigma : errors[i]->turn_on_sigma;
       if (!is_of_unit) sigma.bias = errors[i]->turn_on_bias;
       check_loads(table, triad_names[i], cause.layer, *loads[i], sigma, squares[is_of_unit ? 0 : 1][i]);
     }
-    if (!cause.gyro.is_on() && !cause.accelerometer.is_on() && !cause.magnetometer.is_on())
+    if (std::ranges::none_of(loads, [](const ConstantErrors* load) { return load->is_on(); }))
       table.fault("name", "needs loads: the correlation of terms with it, such as gyro.bias = 0.5");
     table.finish();
     model.causes.push_back(std::move(cause));

@@ -1,5 +1,5 @@
-// SensorKeys: the names and units of the keys of gyros, accelerometers and magnetometers, and the reading of a term
-// in the unit in which it is given.
+// SensorKeys: the names and units of the keys of gyros, accelerometers, magnetometers and inclinometers, and the
+// reading of a term in the unit in which it is given.
 #pragma once
 
 #include <fmt/format.h>
@@ -39,7 +39,7 @@ struct SensorKeys {
   std::initializer_list<ErrorUnit> quantization;  // of quantization_noise; empty: it has no increments
 };
 
-extern const SensorKeys gyro_keys, accelerometer_keys, magnetometer_keys;
+extern const SensorKeys gyro_keys, accelerometer_keys, magnetometer_keys, inclinometer_keys;
 
 inline std::string key_of(std::string_view stem, std::string_view suffix) {
   return fmt::format("{}_{}", stem, suffix);

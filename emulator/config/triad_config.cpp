@@ -1,5 +1,5 @@
-// Reads the errors of gyros, accelerometers and magnetometers in SI or in the units of data sheets. The keys name
-// the units.
+// Reads the errors of gyros, accelerometers, magnetometers and inclinometers in SI or in the units of data sheets.
+// The keys name the units.
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <array>
@@ -222,6 +222,24 @@ void read_iron(TableReader& table, TriadErrors& e) {
   e.misalignment *= soft;
 }
 
+// Reads the errors of sensors of specific force.
+TriadErrors read_force_sensors(TableReader& table, const SensorKeys& keys, const TriadErrors* product, double rate_hz,
+                               Sidedness density) {
+  TriadErrors e = read_triad(table, keys, product, rate_hz, density);
+  const double ug_per_g2 = 1e-6 / g;
+  const Vector3 rectification =
+      ug_per_g2 * table.per_axis("vibration_rectification_ug_per_g2",
+                                 Vector3(e.vibration_rectification.diagonal()) / ug_per_g2, -huge, huge);
+  e.vibration_rectification = rectification.asDiagonal();
+  read_vibration_average(table, e);
+  e.g_squared_sensitivity =
+      ug_per_g2 * table.matrix3("g_squared_sensitivity_ug_per_g2", e.g_squared_sensitivity / ug_per_g2, true);
+  e.cross_sensitivity =
+      ug_per_g2 * table.matrix3("cross_sensitivity_ug_per_g2", e.cross_sensitivity / ug_per_g2, true);
+  table.finish();
+  return e;
+}
+
 }  // namespace
 
 TriadErrors read_gyro(TableReader table, const TriadErrors* product, double rate_hz, Sidedness density) {
@@ -240,19 +258,11 @@ TriadErrors read_gyro(TableReader table, const TriadErrors* product, double rate
 }
 
 TriadErrors read_accelerometer(TableReader table, const TriadErrors* product, double rate_hz, Sidedness density) {
-  TriadErrors e = read_triad(table, accelerometer_keys, product, rate_hz, density);
-  const double ug_per_g2 = 1e-6 / g;
-  const Vector3 rectification =
-      ug_per_g2 * table.per_axis("vibration_rectification_ug_per_g2",
-                                 Vector3(e.vibration_rectification.diagonal()) / ug_per_g2, -huge, huge);
-  e.vibration_rectification = rectification.asDiagonal();
-  read_vibration_average(table, e);
-  e.g_squared_sensitivity =
-      ug_per_g2 * table.matrix3("g_squared_sensitivity_ug_per_g2", e.g_squared_sensitivity / ug_per_g2, true);
-  e.cross_sensitivity =
-      ug_per_g2 * table.matrix3("cross_sensitivity_ug_per_g2", e.cross_sensitivity / ug_per_g2, true);
-  table.finish();
-  return e;
+  return read_force_sensors(table, accelerometer_keys, product, rate_hz, density);
+}
+
+TriadErrors read_inclinometer(TableReader table, const TriadErrors* product, double rate_hz, Sidedness density) {
+  return read_force_sensors(table, inclinometer_keys, product, rate_hz, density);
 }
 
 TriadErrors read_magnetometer(TableReader table, const TriadErrors* product, double rate_hz, CurrentField& current) {

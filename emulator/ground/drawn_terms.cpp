@@ -54,6 +54,7 @@ std::vector<DrawnTerms> drawn_terms(const ImuModel& model, std::uint64_t seed, s
   add("gyro", model.gyro, Quantity::rate);
   add("accelerometer", model.accelerometer, Quantity::specific_force);
   add("magnetometer", model.magnetometer, Quantity::magnetic_field, drawn_current_field(model, normals));
+  if (model.inclinometer) add("inclinometer", *model.inclinometer, Quantity::inclination);
   DrawnTerms barometer = {"barometer", "unit", {}};
   const Barometer::Drawn drawn = Barometer::drawn(model.barometer, normals);
   if (drawn.bias != 0) barometer.terms.emplace_back("bias", std::vector{drawn.bias});

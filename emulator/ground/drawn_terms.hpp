@@ -13,8 +13,9 @@ namespace imud {
 
 // One layer of one triad, the mounting, the barometer or the causes of correlations.
 struct DrawnTerms {
-  std::string_view sensor;  // "gyro", "accelerometer", "magnetometer", "mounting", "barometer" or "cause"
-  std::string_view layer;   // "unit" or "turn_on"
+  // "gyro", "accelerometer", "magnetometer", "inclinometer", "mounting", "barometer" or "cause"
+  std::string_view sensor;
+  std::string_view layer;  // "unit" or "turn_on"
   // In SI, by the names of the members of TriadErrors, ImuModel and BarometerErrors: a number, three numbers, or the
   // nine of a matrix, row by row. Of a mounting the rotation vector, rad. Of a cause, by its name, the deviate in
   // units of the standard deviation, or the deviates of the three axes.

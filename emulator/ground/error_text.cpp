@@ -90,8 +90,10 @@ std::vector<TriadTerms> triad_terms(const ImuModel& model) {
                       errors.unit_sigma,
                       errors.turn_on_sigma};
   };
-  return {terms("gyro", model.gyro, &AllanWords::gyro),
-          terms("accelerometer", model.accelerometer, &AllanWords::accelerometer)};
+  std::vector<TriadTerms> all = {terms("gyro", model.gyro, &AllanWords::gyro),
+                                 terms("accelerometer", model.accelerometer, &AllanWords::accelerometer)};
+  if (model.inclinometer) all.push_back(terms("inclinometer", *model.inclinometer, &AllanWords::accelerometer));
+  return all;
 }
 
 namespace {
@@ -124,9 +126,13 @@ std::string TriadFilter::text() const {
 
 std::vector<TriadFilter> triad_filters(const ImuModel& model) {
   const double rate_hz = model.rate_hz * model.internal_samples;
-  return {{"gyro", model.gyro.filter, model.gyro.fir_taps, rate_hz},
-          {"accelerometer", model.accelerometer.filter, model.accelerometer.fir_taps, rate_hz},
-          {"magnetometer", model.magnetometer.filter, model.magnetometer.fir_taps, model.rate_hz}};
+  std::vector<TriadFilter> all = {
+      {"gyro", model.gyro.filter, model.gyro.fir_taps, rate_hz},
+      {"accelerometer", model.accelerometer.filter, model.accelerometer.fir_taps, rate_hz},
+      {"magnetometer", model.magnetometer.filter, model.magnetometer.fir_taps, model.rate_hz}};
+  if (model.inclinometer)
+    all.push_back({"inclinometer", model.inclinometer->filter, model.inclinometer->fir_taps, rate_hz});
+  return all;
 }
 
 }  // namespace imud

@@ -44,7 +44,7 @@ struct TriadTerms {
   std::string bias_text() const;
 };
 
-// Returns the terms of the gyros and the accelerometers.
+// Returns the terms of the gyros, the accelerometers, and the inclinometers, if there are any.
 std::vector<TriadTerms> triad_terms(const ImuModel& model);
 
 // The filters of a triad, and the rate at which they run, Hz.
@@ -60,7 +60,7 @@ struct TriadFilter {
   std::string text() const;
 };
 
-// Returns the filters of the gyros, the accelerometers and the magnetometers.
+// Returns the filters of the gyros, the accelerometers, the magnetometers, and the inclinometers, if there are any.
 std::vector<TriadFilter> triad_filters(const ImuModel& model);
 
 }  // namespace imud

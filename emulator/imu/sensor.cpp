@@ -24,7 +24,8 @@ Sensor::Sensor(const ImuConfig& config, std::uint64_t seed, ChannelFaults* fault
       acquisition_(config.model.navigation.gnss, config.model.rate_hz),
       sampling_delay_(config.model.sampling_delay),
       device_filters_(config.device_filters),
-      filters_{config.model.gyro.filter, config.model.accelerometer.filter, config.model.magnetometer.filter},
+      filters_{config.model.gyro.filter, config.model.accelerometer.filter, config.model.magnetometer.filter,
+               config.model.inclinometer ? config.model.inclinometer->filter : SensorFilter{}},
       faults_(faults) {
   if (device_filters_) imu_.reserve_filters(Device::longest_boxcar);
   if (config.navigator.is_on) {

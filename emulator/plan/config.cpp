@@ -48,6 +48,7 @@ ImuConfig ideal(const ImuConfig& imu) {
   model.gyro = ideal(model.gyro);
   model.accelerometer = ideal(model.accelerometer);
   model.magnetometer = ideal(model.magnetometer);
+  if (model.inclinometer) model.inclinometer = ideal(*model.inclinometer);
   model.accelerometer_positions.setZero();
   model.sampling_jitter = model.sampling_delay = Nanoseconds{0};
   model.stamp_error = StampErrorModel{};
@@ -68,6 +69,7 @@ ImuConfig without_errors(const ImuConfig& imu) {
   truth.also_settings.clear();
   truth.errors_model = model_of_truth;
   truth.model.gyro = truth.model.accelerometer = truth.model.magnetometer = TriadErrors{};
+  truth.model.inclinometer.reset();
   return truth;
 }
 

@@ -77,6 +77,7 @@ StillRecording EmulatedRun::truth() {
     imu.model.gyro.filter = sensor.model.gyro.filter;
     imu.model.accelerometer.filter = sensor.model.accelerometer.filter;
     imu.model.magnetometer.filter = sensor.model.magnetometer.filter;
+    if (imu.model.inclinometer) imu.model.inclinometer->filter = sensor.model.inclinometer->filter;
   }
   return record(config);
 }

@@ -76,9 +76,9 @@ TEST(EveryError, TheFileHasEachKeyOfTheErrors) {
       }
     }
   };
-  // The sensor's rates, its protocol and its ports.
-  check("", {"also", "before", "device", "internal", "name", "pace", "phase_us", "port", "protocol", "rate_hz",
-             "second", "sync", "temperature_c", "model", "increments"});
+  // The sensor's rates, its protocol and its ports; and a table that this protocol cannot have.
+  check("", {"inclinometer", "also", "before", "device", "internal", "name", "pace", "phase_us", "port", "protocol",
+             "rate_hz", "second", "sync", "temperature_c", "model", "increments"});
   for (const std::string triad : {"gyro", "accelerometer", "magnetometer"})
     for (const std::string table : {"", ".unit_sigma", ".turn_on_sigma"}) check(triad + table, no_errors);
   for (const std::string table : {"temperature", "vibration", "mounting", "barometer", "clock"})
