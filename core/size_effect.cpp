@@ -5,7 +5,7 @@
 
 namespace imud {
 
-// Returns the components i of a x rho_i.
+// Returns the vector whose component i is component i of a x rho_i; rho_i: the position of accelerometer i.
 [[gnu::always_inline]] inline Lanes SizeEffect::cross(const Vector3& a) const noexcept {
   const Matrix3& rho = positions_;
   return Lanes{a[1], a[2], a[0]} * Lanes{rho(0, 2), rho(1, 0), rho(2, 1)} -

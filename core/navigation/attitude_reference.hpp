@@ -13,8 +13,8 @@
 
 namespace imud {
 
-// An attitude and heading reference: replaces the attitude of each sample by the filter's. It needs no place.
-// Velocity and position of the samples stay as they are.
+// An attitude and heading reference: replaces the attitude of each sample by the filter's attitude, and leaves
+// velocity and position unchanged. The filter needs no position.
 //
 // An alignment lasts NavigatorModel::alignment_s. The attitude is levelled by the mean of the specific force, and
 // turned north by the mean of the magnetic field. If the mean force differs from gravity by more than half, the
@@ -26,8 +26,8 @@ namespace imud {
 // A heading is rejected if the field's strength differs by more than a quarter from the alignment's, or if it is
 // beyond NavigatorModel::gate; after `accept_after_s` of rejections alone the field is taken as it is.
 //
-// Where motion is held because truth has stopped, the solution goes on with the samples. After more than a second of
-// that it aligns again, and so it does in a new run, after a leap of the truth's time and after a power on.
+// While motion is held because truth has stopped, the filter goes on with the samples. The filter aligns again when
+// truth returns after more than a second, in a new run, after a leap of the truth's time, and after a power on.
 //
 // Nothing here allocates after construction, locks or throws; not thread-safe.
 class AttitudeReference {
@@ -41,8 +41,8 @@ class AttitudeReference {
   // Takes the heading of the platform at the last sample. While the filter aligns, the alignment begins its window
   // again, and ends with this heading. Later the filter turns to it at once, unless it is `only_in_alignment`.
   void give(const GivenHeading& heading) noexcept;
-  // Replaces the attitude of a sample, which is the true one, by the solution. Works at rest before the first truth
-  // as well.
+  // Replaces the attitude of a sample, which must be the true one, by the filter's. Samples at rest, before the first
+  // truth of a run, may be given as well.
   void take(Sample& sample) noexcept;
 
   // The filter, whose state is valid if is_aligned().

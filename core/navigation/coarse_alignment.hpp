@@ -5,9 +5,10 @@
 
 namespace imud {
 
-// Returns the rotation q_AB of two pairs of directions, v_A = q_AB * v_B: it turns `first_B` into the direction of
-// `first_A`, and the part of `second_B` across it into the same part of `second_A` (TRIAD: Black, AIAA Journal 2(7),
-// 1964). No pair may be parallel.
+// Returns the rotation q_AB, v_A = q_AB * v_B, from two directions that are known in both frames (TRIAD: Black, AIAA
+// Journal 2(7), 1964). q_AB turns `first_B` exactly into the direction of `first_A`; the second direction determines
+// only the rotation about the first. In each frame the first and the second vector must not be 0 or parallel. Their
+// lengths have no effect.
 Quaternion rotation_of_pairs(const Vector3& first_A, const Vector3& second_A, const Vector3& first_B,
                              const Vector3& second_B) noexcept;
 
@@ -15,14 +16,14 @@ Quaternion rotation_of_pairs(const Vector3& first_A, const Vector3& second_A, co
 // negative. Returns false if a vector is 0.
 bool are_apart(const Vector3& a, const Vector3& b, double least_sine2) noexcept;
 
-// Sums up the increments of a window in the platform's axes at its begin, P0. In any motion, the sum of the delta-
-// velocities is the change of the velocity less the gravitation's, resolved in P0. Nothing here allocates, locks or
-// throws; the same bits on every machine.
+// Sums up the increments of a window of time, resolved in P0: the platform's axes at the begin of the window. In any
+// motion the sum of the delta-velocities is the change of the velocity less the change by gravitation. Nothing here
+// allocates, locks or throws; the same bits on every machine.
 class CoarseAlignment {
  public:
   void begin() noexcept { *this = CoarseAlignment(); }
-  // Adds a step of `dt` s: the rotation vector from the platform before it to the platform after, rad; the
-  // delta-velocity, m/s; the magnetic field after it, T, 0 where it is unknown.
+  // Adds a step of `dt` s. `delta_angle`: rad, the rotation vector from the platform before the step to the platform
+  // after the step; `delta_velocity`: m/s; `magnetic_field`: T, after the step; 0 where unknown.
   void add(const Vector3& delta_angle, const Vector3& delta_velocity, double dt,
            const Vector3& magnetic_field) noexcept;
 

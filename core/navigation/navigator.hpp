@@ -44,11 +44,12 @@ class Navigator {
   // Takes the heading of the platform at the last sample. While the filter aligns, the alignment begins its window
   // again, and ends with this heading. Later the filter turns to it at once, unless it is `only_in_alignment`.
   void give(const GivenHeading& heading) noexcept;
-  // Replaces the solution of a sample. Its place is the receiver's fix, and its attitude the true one; both may have
-  // been changed by faults. `time`: of the truth that it measured; `earth_angle`: PositionVelocity's.
+  // Replaces the place and the attitude of a sample by the filter's solution. On entry, the place must be the
+  // receiver's fix, and the attitude the true one; faults may have changed both. `time`: of the truth that the sample
+  // measured; `earth_angle`: PositionVelocity's.
   void take(Sample& sample, TruthTime time, std::optional<double> earth_angle) noexcept;
 
-  // The same for a vehicle at rest before the first truth of a run: the solution is aligning.
+  // Does the same for a vehicle at rest before the first truth of a run. The solution is then aligning.
   void take_at_rest(Sample& sample) noexcept;
 
   // The filter, whose state is valid if is_aligned().
@@ -83,9 +84,11 @@ class Navigator {
   void remember_motion() noexcept;
   // While fixes are rejected, measures the attitude as for the alignment, and compares the filter's with it.
   void review(const Sample& sample, const At& at, double dt) noexcept;
-  // Adds to the covariance the innovations of a fix that has to be accepted, and what may be their cause.
+  // Enlarges the covariance for a fix that has to be accepted: position and velocity by the squares of the fix's
+  // innovations, m and m/s; attitude and gyro bias by the tilt, and by the bias, that may have caused `velocity_N`.
   void doubt(const Vector3& position, const Vector3& velocity_N) noexcept;
-  // Begins again at a fix, with the other attitude.
+  // Begins the filter again with the position and the velocity of a fix, and the attitude of other_attitude_, which
+  // must be set.
   void begin_again(const PositionVelocity& measured, const Sample& sample, const At& at) noexcept;
   void use_fix(const Sample& sample, const At& at) noexcept;
   void use_heading(const Sample& sample, const At& at) noexcept;

@@ -14,8 +14,9 @@ struct InertialNoise {
   double accelerometer = 0;       // m/s/sqrt(s), velocity random walk
   double gyro_walk = 0;           // rad/s/sqrt(s), of the gyros' bias
   double accelerometer_walk = 0;  // m/s^2/sqrt(s)
-  // Standard deviations of scale factors and misalignments, 1, and of the gyros' g-sensitivity, rad/s/(m/s^2). The
-  // errors that they cause in a manoeuvre count as noise with the correlation time manoeuvre_s.
+  // Standard deviations: of scale factors and misalignments (dimensionless), and of the gyros' g-sensitivity,
+  // rad/s/(m/s^2). In a manoeuvre these cause errors of the measured rates and forces. The filter treats these errors
+  // as noise with the correlation time manoeuvre_s.
   double gyro_scale = 0, accelerometer_scale = 0, g_sensitivity = 0;
   static constexpr double manoeuvre_s = 5;  // chosen
 };

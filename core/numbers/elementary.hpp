@@ -175,7 +175,7 @@ constexpr double two_over_pi = 0x1.45f306dc9c883p-1;
 // Returns sine and cosine of x - quadrant * pi/2. This difference must be within +-pi/4.
 template <class Real>
 [[gnu::always_inline]] inline SineAndCosine<Real> sincos_in(Real quadrant, Real x) {
-  // Cody and Waite: pi/2 in three parts of 33 bits.
+  // Cody and Waite: pi/2 as two parts of 33 bits each, and the rest in 53 bits.
   constexpr double high = 0x1.921fb54400000p+0;
   constexpr double middle = 0x1.0b4611a600000p-34;
   constexpr double low = 0x1.3198a2e037073p-69;

@@ -123,7 +123,7 @@ double Normals::uniform(Quantity quantity, Process process, std::uint64_t k) con
 
 namespace {
 
-// A batch of a NormalSequence: the axis is the upper part of an index, the sample the lower.
+// Deviates holds one batch: all samples of x, then of y, then of z. One Philox counter gives two samples.
 constexpr std::size_t per_axis = NormalSequence::batch / 2, counters = 3 * per_axis;
 using Deviates = std::array<double, 2 * counters>;
 

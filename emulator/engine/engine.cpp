@@ -131,7 +131,8 @@ void Engine::encode_by(EncodingThread* encoding) noexcept {
   }
 }
 
-// Returns false for a step that a damaged record may hold, and for an event of the record that is no step.
+// Returns false for a step that cannot be applied (in a damaged record the number of an imu, line or fault may be too
+// large, or the content or the truth missing), and for an event that the record holds only as information.
 bool Engine::has_effect(const Step& step) const noexcept {
   using Type = Step::Type;
   if (traits_of(step.event).is_of_imu && step.imu >= channels_.size()) return false;

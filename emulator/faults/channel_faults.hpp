@@ -29,12 +29,12 @@ class ChannelFaults {
     if (schedule_.empty()) remember(last);
     schedule_.add(fault, number);
   }
-  // Returns true if no fault acts on the last sample, or acted on the one before. Then the faults of the wire, of the
-  // power and of the messages are none, as before.
+  // Returns true if no fault acts on the last sample, and none acted on the sample before. Then the lists of active
+  // faults are empty, and have not changed with this sample.
   bool are_quiet() const noexcept { return are_quiet_; }
   // Returns true if the frames of the last sample have to go through messages().
   bool change_frames() const noexcept { return !are_quiet_ || messages_.holds_back(); }
-  // Returns true if a fault may act on the next sample, so that its time counts.
+  // Returns true if a fault may act on the next sample. Otherwise take() does not need `utc_ns`.
   bool may_act() const noexcept { return !schedule_.empty(); }
   // The faults of the run that were there at its start.
   std::span<const FaultConfig> configured() const noexcept { return configured_; }

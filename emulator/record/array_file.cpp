@@ -39,7 +39,8 @@ std::string ArrayFile::incomplete_path() const {
   return fmt::format("{}{}", FileReplacement::target(path_).value_or(path_), FileReplacement::suffix);
 }
 
-// Reads the marks that were left behind, and returns the text; empty if there is none.
+// Reads the trailer of a FILE.incomplete that was left behind: sets marks_ and end_, and returns the trailer's text.
+// Returns an empty text if there is no valid trailer.
 std::string ArrayFile::read_trailer() {
   struct stat status {};
   const int file = file_->descriptor();

@@ -68,7 +68,7 @@ std::string first_names(const std::vector<Mapped>& all) {
   return names.empty() ? "none" : names;
 }
 
-// Sets the source of the signal that `text`, "[MESSAGE.]SIGNAL=VALUE", names. Returns its message, and the value.
+// Finds the signal in `text`, "[MESSAGE.]SIGNAL=VALUE", and sets its source. Returns its message, and VALUE.
 std::pair<Mapped*, std::string> assign(std::vector<Mapped>& all, const char* key, const std::string& text) {
   const std::size_t equals = text.find('=');
   if (equals == std::string::npos)

@@ -48,7 +48,7 @@ constexpr double delta_angle_lsb = 0x1p-27;
 constexpr double delta_velocity_lsb = 0x1p-20;
 constexpr double temperature_lsb = 0x1p-8;
 
-// The twelve values in wire order: rate, specific force, delta-angle, delta-velocity.
+// A vector of the sample, sent as three integers in units of `lsb` (SI). `quantities` has the order of the wire.
 struct Quantity {
   Vector3 Sample::*vector;
   double lsb;
@@ -215,8 +215,8 @@ class NativeCanDecoder final : public Decoder {
   void decode_head(std::span<const std::byte> bytes) noexcept {
     abandon();
     const auto wire = read_wire<HeadWire>(bytes);
-    // Unwraps the time: with these low 32 bits, the nearest to the previous time. The
-    // first is taken as it is.
+    // Unwraps the time: takes the time with these low 32 bits that is nearest to the previous time. The first time is
+    // taken unchanged.
     const std::uint32_t low = wire.time_us.value();
     const auto step = static_cast<std::int32_t>(low - static_cast<std::uint32_t>(time_us_.value_or(low)));
     time_us_ = time_us_.value_or(low) + static_cast<std::uint64_t>(std::int64_t{step});

@@ -27,15 +27,17 @@ class MeasurementFiles {
   // `options` must not be moved until the command line has been parsed.
   static void add_options(CLI::App& app, Options& options);
 
-  // Opens the files, and adds them and the further inputs to `in_use`. `port`: the text of the input. Throws
-  // std::runtime_error or std::invalid_argument with the fault and the remedy; as TruthBeside does, too.
+  // Opens the output files, and enters their paths and the inputs of --config and --truth in `in_use`. `port`: the
+  // port of the measurements, as on the command line. Throws std::runtime_error or std::invalid_argument with the
+  // fault and the remedy, and the exceptions of TruthBeside's constructor.
   MeasurementFiles(const Options& options, const Protocol& protocol, const std::string& port, FilesInUse& in_use);
 
   void write(const Measurement& measurement);
-  // Writes all rows so that the files are complete, at most once a second.
+  // Flushes each file (RowOutput::flush()). Does nothing if the last flush was less than a second ago.
   void flush();
-  // Ends the files. Returns a text about the missing part of the truth; empty if no truth is missing. Throws
-  // std::runtime_error, which names the first file that could not be written, or as TruthBeside::finish() does.
+  // Ends the files. Returns the message of TruthBeside::finish(), or an empty text without --truth. Throws
+  // std::runtime_error, which names the first file that could not be written, and the exceptions of
+  // TruthBeside::finish().
   std::string finish();
 
  private:

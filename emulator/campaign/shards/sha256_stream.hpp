@@ -10,8 +10,8 @@
 
 namespace imud {
 
-// Computed by OpenSSL's library if the machine has it, which uses the processor's instructions, and by libmd, which
-// takes seven times as long, otherwise. add() gathers short pieces, and allocates nothing. One thread.
+// Uses OpenSSL's library, which has the processor's SHA instructions, if the machine has this library; otherwise
+// libmd, which takes seven times as long. add() collects short pieces, and allocates nothing. One thread.
 class Sha256Stream {
  public:
   // `may_use_openssl`: false: computed by libmd.

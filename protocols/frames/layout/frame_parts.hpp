@@ -38,7 +38,8 @@ std::pair<double, double> take_scale(std::string_view& text);
 // there is no condition.
 std::string_view take_condition(std::string_view& text) noexcept;
 
-// Reads "@FROM..", "@FROM..@TO" or "@FROM..@".
+// Reads a range that begins at label FROM. "@FROM..@TO" ends at label TO, "@FROM..@" at the end of the frame, and
+// "@FROM.." at the check itself. Refuses any other text (refuse_element()).
 FrameElement::Range range_in(std::string_view text);
 // Returns the label in "@LABEL".
 std::string label_in(std::string_view text);
