@@ -68,12 +68,11 @@ struct Campaign {
   std::uint64_t cases() const noexcept;
 };
 
-// Reads a plan, whose keys emulator/campaign/README.md lists. Throws ConfigError with every fault in it. A
-// file that the plan names must exist; keys of the configuration are not checked (try_cases()).
+// Reads a plan, whose keys emulator/campaign/README.md lists. Throws ConfigError with every fault of the plan,
+// such as a file that does not exist. Keys of the configuration are not checked here (try_cases()).
 Campaign read_campaign(const std::string& path);
 
-// Returns the number of figures of integrated errors of a case. `config`: config_of() the case, whose capture is
-// read.
+// Returns how many figures of integrated errors a case has. `config`: config_of() the case. Reads the capture.
 std::size_t error_figures(const Campaign& campaign, const Config& config);
 
 // Returns the shape of the arrays of a campaign. Throws ConfigError.
@@ -94,35 +93,36 @@ struct CampaignCase {
 // Returns the case of a number below cases(); throws std::out_of_range for another one. Seeds vary fastest.
 CampaignCase case_of(const Campaign& campaign, std::uint64_t index);
 
-// Returns the columns of a table that say what the case is, with their texts: each axis in the order of the plan,
-// then, if there are draws, "draw" with the number of the draw, and each key that is drawn. Every case has the
-// same names.
+// Returns the columns of a table that identify the case, each with its text: every axis in the order of the plan,
+// then, if there are draws, "draw" with the number of the draw, and every key that is drawn. All cases have the same
+// columns.
 std::vector<std::pair<std::string, std::string>> columns_of(const Campaign& campaign, const CampaignCase& c);
 
-// Returns the campaign with another value of an axis in place of the one that a case has. `text`: as in a table.
-// Throws OpenError if there is no axis of that name, or it does not set one key.
+// Returns the campaign in which the axis has the value `text` where case `index` has its own value. `text`: in the
+// form for tables. Throws OpenError if there is no axis of that name, or if the axis sets other keys than its name.
 Campaign with_axis_value(const Campaign& campaign, std::uint64_t index, const std::string& axis,
                          const std::string& text);
 
 // Loads the configuration of a case for a replay by the clock `fast`, or by the clock of [test]. Throws ConfigError,
-// whose faults name the case; also if there is a [test] and no imu has a serial line, if the capture takes longer
-// than the time limit by the clock `realtime`, or if the errors over time have more figures than a table has room
-// for.
+// whose faults name the case. It also throws this if there is a [test] and no imu has a serial line, if by the clock
+// `realtime` the capture takes longer than the time limit, or if the errors over time have too many figures for the
+// columns of a table.
 Config config_of(const Campaign& campaign, const CampaignCase& c);
-// The same, but the faults do not name the case.
+// Does the same, but the faults do not name the case.
 Config load_case(const Campaign& campaign, const CampaignCase& c);
 
-// Returns the SHA-256, in hexadecimal, of all that acts on the bytes of a case: the value of every key, the content
-// of each file that the configuration names, the version and the build of imud, and [test] as it is declared. Paths,
-// the ports of imus, which no case opens, and the keys [control] and [web] do not act on them. `config`: config_of()
-// the case. The digests of files are kept while the file's size and time of change stay. Throws OpenError if a file
-// cannot be read. Any thread may call it.
+// Returns the SHA-256, in hexadecimal, of everything on which the output bytes of a case depend: the value of every
+// key, the content of each file that the configuration names, the version and the build of imud, and [test] as it is
+// declared. Paths, the ports of imus (no case opens these), and the tables [control] and [web] are left out.
+// `config`: config_of() the case. The digest of a file is computed again only if the file's size or time of change
+// differs. Throws OpenError if a file cannot be read. Any thread may call this.
 std::string identity_of(const Campaign& campaign, const Config& config);
 std::string identity_of(const Campaign& campaign, const CampaignCase& c);
-// Returns what the identities of cases that differ in the seed alone have in common; and the identity of one of them.
+// identity_without_seed() returns a digest that is equal for all cases which differ in the seed alone.
+// identity_with_seed() returns the identity of one of these cases.
 std::string identity_without_seed(const Campaign& campaign, const Config& config);
 std::string identity_with_seed(const std::string& without_seed, std::uint64_t seed);
-// Returns a text that another content of the capture changes. Throws OpenError if it cannot be read.
+// Returns a text that changes with the content of the capture. Throws OpenError if the capture cannot be read.
 std::string capture_digest(const TruthConfig& truth);
 
 }  // namespace imud

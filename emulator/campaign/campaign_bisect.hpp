@@ -14,12 +14,12 @@ struct CampaignBisectOptions {
   unsigned jobs = 0;                   // processes; 0: one for each processor
 };
 
-// Runs the values of the axis in ascending order, beside the values that the other axes, the draw and the seed of a
-// case have; then halves the interval between the first two neighbours of which one passes and one fails. Prints, for
-// each combination, between which values that is, whether other neighbours differ, too, and the command that repeats
-// the nearest failing case alone. A case fails if its exit code is not 0. The folder of a campaign stands for its
-// plan; nothing is written into it. Returns 0; 3 if a signal has ended it. Throws ConfigError, OpenError if there is
-// no such axis or case, and std::runtime_error if a case cannot be run.
+// Runs the values of the axis in ascending order; the other axes, the draw and the seed keep the values of a case.
+// Then halves the interval between the first two neighbours of which one passes and one fails. A case fails if its
+// exit code is not 0. Prints for each combination the two values between which the result changes, whether other
+// neighbours differ as well, and the command that repeats the nearest failing case alone. The folder of a campaign
+// stands for its plan; nothing is written into the folder. Returns 0, or 3 if a signal has ended the search. Throws
+// ConfigError, OpenError if there is no such axis or case, and std::runtime_error if a case cannot be run.
 int bisect_campaign(const std::string& plan_or_folder, const CampaignBisectOptions& options);
 
 }  // namespace imud

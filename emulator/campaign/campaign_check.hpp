@@ -1,4 +1,4 @@
-// campaign_check: finds the cases of a plan that cannot be run, and says what all of them cost.
+// campaign_check: finds the cases of a plan that cannot be run, and prints the time and the disk space of the others.
 #pragma once
 
 #include <cstdint>
@@ -22,8 +22,8 @@ struct TriedCases {
 // number of the first case that has it.
 TriedCases try_cases(const Campaign& campaign);
 
-// Reads the plan, tries its cases and runs a few of them. Prints the axes, how many cases there are, how long they
-// take on this machine and how many bytes the results have. Returns the exit code. Throws ConfigError.
+// Reads the plan, calls try_cases(), and runs a few cases. Prints the axes, the number of cases, their expected time
+// on this machine, and the bytes of the results. Returns the exit code. Throws ConfigError.
 int campaign_check(const std::string& plan);
 
 }  // namespace imud

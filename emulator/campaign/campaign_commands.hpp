@@ -15,11 +15,12 @@ namespace imud {
 
 class CampaignCommands {
  public:
-  // Adds the command to the command line, which outlives this, and if it is given, the commands below it: making
-  // their options would take a tenth of the time in which imud starts.
+  // Adds the command `campaign` to `app`, which must outlive this. `is_given`: the command line has this command;
+  // only then its subcommands are added, because their options would take a tenth of the time in which imud starts.
   CampaignCommands(CLI::App& app, bool is_given);
-  // Executes the command that was given, and returns its exit code; nullopt: another one was given. Throws
-  // ConfigError if the plan is wrong. Does not return from `collect` and `report`, which become another program.
+  // Executes the subcommand of the command line. Returns its exit code; nullopt if the command line has another
+  // command. Throws ConfigError if the plan is wrong. Does not return from `collect` and `report`: another program
+  // takes the place of this one.
   std::optional<int> execute() const;
 
  private:

@@ -20,25 +20,26 @@ struct CampaignRunOptions {
 // shards of up to a million cases.
 std::uint64_t batch_of(const Campaign& campaign) noexcept;
 
-// Throws OpenError if so many cases would not fit the disk of a folder, which need not exist yet.
+// Throws OpenError if the rows of so many cases do not fit on the disk of a folder. The folder need not exist yet.
 void require_room(const std::string& folder, std::uint64_t cases, double row_bytes);
 // Makes the folder of a campaign, or opens it if it has the same plan. Throws OpenError.
 ResultFolder open_result_folder(const std::string& folder, const Campaign& campaign);
-// Reads the plan of a folder: at its path, or where it lies now if it was moved together with the folder. Throws
-// ConfigError, and OpenError if it, or imud, is not the one of the folder's shards.
+// Reads the plan of a folder: at its stored path or, if both were moved together, at the path relative to the folder.
+// Throws ConfigError. Throws OpenError if the plan or imud is not the one that made the shards.
 Campaign campaign_of(const ResultFolder& folder);
 // Writes the folder's copy of the plan if it is missing. Throws OpenError.
 void keep_plan_of(const ResultFolder& folder, const Campaign& campaign);
 
-// Runs the cases that are missing in the folder, are in a shard that is not whole, or could not be run before; in
-// processes, each of which runs many. A shard at which another process is at work comes last in a run of the whole
-// campaign. Two calls at the same time can still do some cases twice, with the same results. Without
-// CampaignRunOptions::cases left-behind temporary files are removed first. Prints what was done, and the progress on
-// standard error. Returns the worst exit code of a case, whether it was run now or before; 3 if a signal has ended
-// it. Throws ConfigError and PortError if the first of the cases cannot be run, OpenError if the folder has another
-// campaign, cannot be written, or has no room for the results; std::runtime_error if a shard cannot be written.
+// Runs the cases that are missing in the folder, are in a shard that is not whole, or could not be run before. Each
+// worker process runs many cases. In a run of the whole campaign, shards at which another process is at work come
+// last. Two runs at the same time may still run some cases twice, with the same results. Without
+// CampaignRunOptions::cases, temporary files that were left behind are removed first. Prints the result, and the
+// progress on standard error. Returns the worst exit code of all cases, earlier runs included; 3 if a signal has
+// ended the run. Throws ConfigError and PortError if the first of the cases cannot be run; OpenError if the folder
+// has another campaign, cannot be written, or has no room for the results; std::runtime_error if a shard cannot be
+// written.
 int run_campaign(const std::string& plan, const std::string& folder, const CampaignRunOptions& options);
-// The same with the plan of the folder.
+// Does the same with the plan of the folder.
 int resume_campaign(const std::string& folder, const CampaignRunOptions& options);
 
 }  // namespace imud

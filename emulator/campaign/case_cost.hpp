@@ -16,9 +16,9 @@ struct CampaignCost {
   unsigned processors = 1;           // of this machine
 };
 
-// Runs the cases one after the other in this process, on ports that take every frame, and ends each after 20 s. Cases
-// by the clock `realtime` are not run: they take settle_s and the time of their captures.
-// Throws ConfigError, and PortError if a capture cannot be read.
+// Runs a few cases one after the other in this process, on ports that accept every frame, and stops each case after
+// 20 s. Cases by the clock `realtime` are not run: their time is settle_s and the time of their captures. Throws
+// ConfigError, and PortError if a capture cannot be read.
 CampaignCost measure_cases(const Campaign& campaign);
 
 }  // namespace imud

@@ -15,16 +15,15 @@
 
 namespace imud {
 
-// Keeps the configuration of the last case and its decoded capture: cases that
-// differ in the seed alone read neither again. One thread.
+// Keeps the configuration and the decoded capture of the last case, so that a next case which differs in the seed
+// alone reads neither again. One thread.
 class CaseRunner {
  public:
   // `campaign` must outlive this.
   explicit CaseRunner(const Campaign& campaign) : campaign_(campaign) {}
 
-  // Reads the configuration and the capture of a case. Returns its
-  // configuration, valid until the next call. Throws ConfigError or PortError,
-  // and OpenError if the capture changes meanwhile.
+  // Reads the configuration and the capture of a case. Returns the configuration, valid until the next call. Throws
+  // ConfigError or PortError, and OpenError if the capture changes while it is read.
   const Config& prepare(const CampaignCase& one);
 
   struct Result {
@@ -34,11 +33,11 @@ class CaseRunner {
   struct Shown {
     std::string record = {};  // a file that gets the record of the case; empty: none
     bool of_test = false;     // the output of [test] goes to standard error
-    // Gets the rows of each imu, if the campaign has arrays; nullptr: nobody wants them.
+    // Receives the rows of each imu, if the campaign has arrays; nullptr: the rows are not kept.
     ShardArrays::Write rows = nullptr;
   };
-  // Runs a case. Opens no port but the port of [test]. A case that cannot be run
-  // has a row with `error`. Returns nullopt if `stop` has ended it.
+  // Runs a case. Opens no port but the port of [test]. If the case cannot be run, its row has `error`. Returns
+  // nullopt if `stop` has ended the case.
   std::optional<Result> run(std::uint64_t index, const std::atomic<bool>& stop, const Shown& shown);
   // Returns the row of a case that could not be run.
   std::string row_of_failure(std::uint64_t index, const std::string& error) const;
@@ -50,7 +49,7 @@ class CaseRunner {
     Config config;
     std::string identity;                        // identity_without_seed()
     std::shared_ptr<const StoredTruths> truths;  // nullptr: each run reads the capture
-    TruthConfig truth;                           // by which the capture was read
+    TruthConfig truth;                           // with which the capture was read
     std::string capture;                         // capture_digest() of `truth`
     bool repeats = false;                        // the capture is a record, whose run is repeated
     std::vector<double> line_loads;

@@ -11,12 +11,12 @@ namespace imud {
 
 struct Campaign;
 
-// A shard that is written again.
+// A shard that is to be written.
 struct ShardToWrite {
   CaseRange cases;
   std::uint64_t before = 0;                // items of earlier shards
-  bool replaces = false;                   // a shard that is damaged, or has cases that could not be run
-  std::vector<std::uint64_t> to_run = {};  // ascending; empty: all. The rows of the other cases stay
+  bool replaces = false;                   // the folder has this shard, damaged or with cases that could not be run
+  std::vector<std::uint64_t> to_run = {};  // cases, ascending; empty: all. The rows of the other cases are kept
 
   std::uint64_t items() const noexcept { return to_run.empty() ? cases.size() : to_run.size(); }
   std::uint64_t kept() const noexcept { return cases.size() - items(); }
@@ -28,10 +28,10 @@ struct ShardToWrite {
 // The cases as items of work, numbered from 0.
 class MissingCases {
  public:
-  // Looks at all shards with cases of `range`, which begins and ends with a shard. Logs what is damaged. Throws
-  // OpenError if a shard has rows of another configuration than the plan has now: of the cases that differ in the
-  // seed alone, the first kept one of a shard is compared. If the range is the whole campaign, shards at which
-  // another process is at work are the last.
+  // Reads all shards of `range`, which must begin and end at limits of shards. Logs damaged shards. Throws OpenError
+  // if the configuration of a kept row differs from the plan's present one. Among cases that differ in the seed
+  // alone, only the first kept row of a shard is compared. If the range is the whole campaign, shards at which
+  // another process is at work come last.
   MissingCases(const ResultFolder& folder, const CaseRange& range, const Campaign& campaign);
 
   std::uint64_t items() const noexcept { return items_; }
@@ -40,7 +40,7 @@ class MissingCases {
   std::size_t shard_of(std::uint64_t item) const noexcept;
   const std::vector<ShardToWrite>& shards() const noexcept { return shards_; }
 
-  // The rows that stay.
+  // The rows of the folder that are kept.
   struct Kept {
     std::uint64_t rows = 0, bytes = 0;
     CaseTally tally = {};

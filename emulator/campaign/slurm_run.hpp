@@ -14,17 +14,17 @@ struct SlurmRunOptions {
 };
 
 // Measures a few cases, makes the folder, submits arrays whose tasks call `imud campaign run --case`, and follows
-// them. `folder`/slurm has the division into tasks (tasks.json), the script (array.sh), and what failed tasks have
-// printed (log). If the folder has a campaign on Slurm already, it does the same as resume_on_slurm().
+// the tasks. `folder`/slurm has the division into tasks (tasks.json), the script (array.sh), and the output of failed
+// tasks (log). If the folder has a campaign on Slurm already, this is the same as resume_on_slurm().
 //
 // The state is the shards and Slurm's queue: this program may end at any time. SIGINT and SIGTERM leave the jobs as
-// they are. Returns the worst exit code of a case; 3 if cases are missing, because a signal has ended this or the
-// tasks have ended without them. Throws ConfigError and PortError if a case cannot be run, OpenError if the folder
-// cannot be used, or Slurm does not take the tasks.
+// they are. Returns the worst exit code of a case; 3 if cases are missing, because a signal has ended this program or
+// because the tasks have ended early. Throws ConfigError and PortError if a case cannot be run, OpenError if the
+// folder cannot be used, or if Slurm does not take the tasks.
 int run_on_slurm(const std::string& plan, const std::string& folder, const SlurmRunOptions& options);
 
-// Submits the tasks with cases that are missing, damaged or could not be run, but none that waits or runs, and
-// follows all. Without `options` they have those with which the campaign has begun.
+// Submits each task that has cases which are missing, damaged or could not be run, unless this task waits or runs
+// already. Follows all tasks. Without `options` the tasks have the options with which the campaign has begun.
 int resume_on_slurm(const std::string& folder, const SlurmRunOptions& options);
 
 // Returns true if the folder's campaign was begun on Slurm.

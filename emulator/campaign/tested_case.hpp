@@ -15,8 +15,8 @@
 
 namespace imud {
 
-// The command of [test] is started when the port is open, and has it open before the first sample leaves. It sees the
-// end of the port when the case has ended, and may then write its metrics. One thread.
+// The command of [test] starts when the port is open, and the first sample leaves after the command has opened this
+// port. When the case has ended, the port ends for the command, which may then write its metrics. One thread.
 class TestedCase {
  public:
   // Gives the first imu of `config` with a serial line, which load_case() requires, a pseudo-terminal in a folder of
@@ -26,13 +26,13 @@ class TestedCase {
   TestedCase(const TestedCase&) = delete;
   TestedCase& operator=(const TestedCase&) = delete;
 
-  // The number of the imu, whose line is opened, and whose first copy has its bytes.
+  // The number of the imu whose line is opened. The first copy of its port carries the bytes of this line.
   std::size_t imu() const noexcept { return imu_; }
   // Starts the command. Returns when it has opened the port and settled, or has ended, after its time limit, or when
   // `stop` is set.
   void begin(Engine& engine, const std::atomic<bool>& stop);
-  // Waits until the command ends; if a signal sets `stop`, it is killed. Adds what is wrong with it to `shortfalls`.
-  // Returns the `test` of the row.
+  // Waits until the command ends; if a signal sets `stop`, the command is killed. Adds the command's faults to
+  // `shortfalls`. Returns the member `test` of the row.
   nlohmann::ordered_json end(const std::atomic<bool>& stop, std::vector<std::string>& shortfalls);
 
  private:
