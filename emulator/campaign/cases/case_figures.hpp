@@ -7,9 +7,10 @@
 
 namespace imud {
 
-// Returns the counts by the names that `--require` has, "imu1.samples" and "truth.received"; `simulated_s`; and what
-// was drawn for each imu, "imu1.gyro.unit.bias_x", SI. A count of 0 is left out, unless every summary has it. Without
-// durations and anything else of the host; but samples by the host's clock have "imu1.lateness_us.p99" and ".max".
+// Returns an object of numbers: the counts, named as for `--require` ("imu1.samples", "truth.received");
+// `simulated_s`; and the errors that were drawn for each imu, SI ("imu1.gyro.unit.bias_x"). Counts of 0 are left out,
+// except the counts that every summary has. There are no durations and nothing else of the host, except
+// "imu1.lateness_us.p99" and ".max" if samples are paced by the host's clock.
 nlohmann::ordered_json case_figures(const Summary& summary);
 
 }  // namespace imud

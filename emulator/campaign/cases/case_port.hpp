@@ -17,8 +17,8 @@ namespace imud {
 // commit() `end` receives their SHA-256. Opens nothing.
 class CasePort final : public NoPort {
  public:
-  // `receive`: gets the measurements as a decoding_port() does, with the time of the frame; nullptr: nobody wants
-  // them.
+  // `receive`: receives the decoded measurements as for decoding_port(), each with the time of its frame; nullptr:
+  // nothing is decoded.
   CasePort(const ImuConfig& imu, std::function<void(std::string sha256)> end,
            std::function<void(const Measurement&, DeviceTime)> receive);
 
@@ -29,7 +29,7 @@ class CasePort final : public NoPort {
   const bool is_can_;
   Sha256Stream digest_;
   const std::function<void(std::string sha256)> end_;
-  const std::unique_ptr<Port> decoder_;  // nullptr: nobody wants the measurements
+  const std::unique_ptr<Port> decoder_;  // nullptr: nothing is decoded
 };
 
 }  // namespace imud

@@ -12,14 +12,14 @@ namespace imud {
 
 class CaseRows {
  public:
-  // `count`: the rows of each case. `absent_rates`: of Protocol. All memory is taken here.
+  // `count`: the rows of each case. `absent_rates`: of Protocol. Allocates all memory.
   CaseRows(std::uint64_t count, unsigned absent_rates);
 
-  // Adds the row of a measurement, as `imud replay --npy` writes it. A row behind the last one is cut off.
+  // Adds the row of a measurement, as `imud replay --npy` writes it. After `count` rows, further rows are cut off.
   void add(const Measurement& measurement) noexcept;
-  // Returns how many were cut off.
+  // Returns how many rows were cut off.
   std::uint64_t cut() const noexcept { return measurements_ > count_ ? measurements_ - count_ : 0; }
-  // Returns all rows. Those behind the last measurement have no value.
+  // Returns all `count` rows. Rows behind the last measurement have no value.
   std::span<const std::byte> finish();
 
  private:

@@ -33,12 +33,12 @@ class DrawnKey {
   DrawnKey(std::string key, Distribution distribution, const DrawPlan& plan);
 
   const std::string& key() const noexcept { return key_; }
-  // Returns the value of a draw as TOML: a number in the shortest form that is exactly it, or a list of them.
+  // Returns the value of a draw as TOML: a number in its shortest exact form, or a list of such numbers.
   std::string text(std::uint64_t draw) const;
   // Returns how many numbers a draw has: the length of a list, or 1.
   std::size_t size() const noexcept { return streams_.size(); }
-  // Returns the share of the distribution's values below the draw's: uniform in (0, 1). Each number of a list has its
-  // own.
+  // Returns the share of the distribution's values that are below the draw's value: uniform in (0, 1). Each component
+  // of a list has its own share.
   double share(std::uint64_t draw, std::size_t component) const noexcept;
 
  private:

@@ -16,20 +16,20 @@
 
 namespace imud {
 
-// Sums from the first measurement of a run to the last. The first one itself does not count, because a product may
-// begin its increments at any sample before it.
+// Sums over the measurements of a run, without the first one: a product may begin the increments of its first
+// measurement at any earlier sample.
 struct MeasuredSums {
   Vector3 delta_angle = Vector3::Zero();     // rad
   Vector3 delta_velocity = Vector3::Zero();  // m/s
   Vector3 rate = Vector3::Zero();            // rad/s
   Vector3 specific_force = Vector3::Zero();  // m/s^2
   std::uint64_t measurements = 0;            // the first one included
-  std::uint32_t fields = 0;                  // Measurement::Field that all have
+  std::uint32_t fields = 0;                  // Measurement::Field that all measurements have
 
   void add(const Measurement& measurement) noexcept;
 };
 
-// The same of the truth at the measurements of a run without faults.
+// The same sums of the truth, at the measurements of a run without faults.
 struct TrueSums {
   MeasuredSums sums;
   double interval_s = 0;  // between two measurements, the mean
@@ -50,15 +50,15 @@ struct TrueSumsOverTime {
   TrueSumsOverTime(std::span<const TrueRow> rows, Nanoseconds every);
 };
 
-// The same of the measurements. Allocates in the constructor alone.
+// The same sums of the measurements. Allocates in the constructor only.
 class MeasuredSumsOverTime {
  public:
   explicit MeasuredSumsOverTime(const TrueSumsOverTime& truth)
       : every_(truth.every), half_interval_(truth.half_interval), at_(truth.at.size()) {}
 
-  // `time`: of the frame that completes it, by the device's clock.
+  // `time`: by the device's clock, of the frame that completes the measurement.
   void add(const Measurement& measurement, DeviceTime time) noexcept;
-  // Returns the sums up to an instant, or the end if no measurement came later.
+  // Returns the sums up to an instant, or up to the end if no measurement came after the instant.
   const MeasuredSums& at(std::size_t instant) const noexcept { return instant < reached_ ? at_[instant] : end_; }
   const MeasuredSums& end() const noexcept { return end_; }
 
@@ -70,13 +70,14 @@ class MeasuredSumsOverTime {
   MeasuredSums end_;
 };
 
-// Returns "angle_error_x_rad", "velocity_error_x_m_per_s" and so on, with the measured sums less the true ones: the
-// increments' where the product sends them, else of rate and specific force, times the interval. In the sensor's
-// axes; the sum of delta-angles about an axis, not an attitude. `absent_rates`: of Protocol.
+// Returns the errors "angle_error_x_rad", "velocity_error_x_m_per_s" and so on, in the sensor's axes: the measured
+// sums less the true sums. The sums are those over the increments if the product sends increments, otherwise over
+// rate and specific force, times the interval. The angle error is a sum about an axis, not an attitude.
+// `absent_rates`: of Protocol.
 std::vector<std::pair<std::string, double>> integrated_errors(const MeasuredSums& measured, const TrueSums& truth,
                                                               unsigned absent_rates);
-// Returns the integrated_errors() at the end and then, with "@0.5" behind the names, up to 0.5 s and every other
-// instant.
+// Returns the integrated_errors() at the end, and then up to each instant. The names of the latter end with the time
+// of the instant in s, such as "@0.5".
 std::vector<std::pair<std::string, double>> integrated_errors(const MeasuredSumsOverTime& measured,
                                                               const TrueSumsOverTime& truth, unsigned absent_rates);
 

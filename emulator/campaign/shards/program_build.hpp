@@ -1,4 +1,4 @@
-// ProgramBuild: what tells two builds of one version of imud apart.
+// The build identifier of this program, which distinguishes two builds of the same version.
 #pragma once
 
 #include <cstddef>
@@ -8,12 +8,12 @@
 namespace imud {
 
 // Returns the GNU build id of this program in hexadecimal, as `readelf -n` shows it: the linker's digest of the
-// program. It is the same on every machine that has the program, and no time is in it. Without a build id: the
-// SHA-256 of the program's file. Throws OpenError if that cannot be read. Any thread may call it.
+// program, which is the same on every machine that has this program. If the program has no build id, returns the
+// SHA-256 of the program's file. Throws OpenError if this file cannot be read. Any thread may call this.
 const std::string& program_build();
 
-// Returns the build id, in hexadecimal, in a segment of notes (elf(5), PT_NOTE), whose parts are aligned to so many
-// bytes; empty if there is none.
+// Returns the build id, in hexadecimal, in a segment of notes (elf(5), PT_NOTE); empty if there is none. The parts of
+// the segment are aligned to `alignment` bytes.
 std::string build_id_in(std::span<const std::byte> notes, std::size_t alignment);
 
 }  // namespace imud

@@ -14,15 +14,15 @@ namespace imud {
 // libmd, which takes seven times as long. add() collects short pieces, and allocates nothing. One thread.
 class Sha256Stream {
  public:
-  // `may_use_openssl`: false: computed by libmd.
+  // `may_use_openssl`: false: libmd is used in any case.
   explicit Sha256Stream(bool may_use_openssl = true);
 
   void add(std::span<const std::byte> bytes) noexcept;
   void add(std::string_view text) noexcept { add(std::as_bytes(std::span(text))); }
-  // Returns the digest of all bytes so far in hexadecimal. Nothing may be added afterwards.
+  // Returns the digest of all bytes in hexadecimal. add() must not be called afterwards.
   std::string end();
 
-  // One of the two libraries.
+  // A digest by one of the two libraries.
   class Digest {
    public:
     virtual ~Digest() = default;

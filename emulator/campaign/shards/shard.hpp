@@ -1,7 +1,7 @@
 // Shard: a file with the results of consecutive cases of a campaign.
 //
-// A shard has lines of JSON: a header, a row for each case in their order, and a footer with the SHA-256 of all bytes
-// before it (emulator/campaign/README.md). It has its name from the moment on at which it is whole.
+// A shard has lines of JSON: a header, a row for each case in ascending order, and a footer with the SHA-256 of all
+// bytes before the footer (emulator/campaign/README.md). The file has its name only when it is whole.
 #pragma once
 
 #include <sys/types.h>
@@ -21,7 +21,7 @@ namespace imud {
 struct CaseRange {
   std::uint64_t first = 0, last = 0;  // both included
   std::uint64_t size() const noexcept { return last - first + 1; }
-  // Returns the range of "0..99", or "7"; nullopt if the text is neither.
+  // Reads "0..99", or "7" for one case; returns nullopt for any other text.
   static std::optional<CaseRange> parse(std::string_view text) noexcept;
   friend bool operator==(const CaseRange&, const CaseRange&) = default;
 };
@@ -34,7 +34,7 @@ struct ShardHead {
   friend bool operator==(const ShardHead&, const ShardHead&) = default;
 };
 
-// The file with the measurements of the cases (shard_arrays.hpp). The footer has its size and its digest.
+// The size and the digest of the file with the measurements of the cases (shard_arrays.hpp), as in the footer.
 struct ArrayDigest {
   std::uint64_t bytes = 0;
   std::string sha256;
@@ -50,12 +50,12 @@ struct Shard {
 // The result in a row.
 struct RowResult {
   int exit_code = 1;
-  bool could_not_be_run = false;    // it has an `error`
-  bool expectation_failed = false;  // one of them
+  bool could_not_be_run = false;    // the row has an `error`
+  bool expectation_failed = false;  // at least one
   std::string error = {};
   std::string shortfall = {};  // the first one, of a case that was run
 
-  // `row` is of a shard that is whole, or of a case that was run. Throws nlohmann::json::exception for other texts.
+  // `row`: from a whole shard, or from CaseRunner. Throws nlohmann::json::exception for other texts.
   explicit RowResult(std::string_view row);
 };
 
@@ -68,43 +68,44 @@ struct CaseTally {
 
   void add(const RowResult& row) noexcept;
   void add(const CaseTally& other) noexcept;
-  // Returns the line of it at the end of a run.
+  // Returns the line about these counts that is printed at the end of a run.
   std::string text() const;
 };
 
-// Returns the fault of a shard in which the row of a case cannot be read.
+// Returns the text of the fault that the row of case `index` in a shard cannot be read.
 std::string no_result_in_row_of(std::uint64_t index);
-// Returns the name of the file in the folder `shards`: "000000000-000000099.jsonl".
+// Returns the name of a shard's file in the folder `shards`: "000000000-000000099.jsonl".
 std::string shard_name(const CaseRange& cases);
-// Returns the cases of such a name; nullopt if it is the name of no shard.
+// Returns the cases of a shard by the name of its file; nullopt for any other name.
 std::optional<CaseRange> cases_of_shard(std::string_view name) noexcept;
 
-// Reads a shard. Returns nullopt if it is not whole; then `fault` has the reason, such as "is cut short after 12 of
-// 100 rows".
+// Reads a shard. Returns nullopt if the file is not whole; then `fault` has the reason, such as "is cut short after
+// 12 of 100 rows".
 std::optional<Shard> read_shard(const std::filesystem::path& path, std::string& fault);
 
-// The file into which a shard, or another file of the campaign's folder, is written until it is whole:
-// `.NAME.HOST.PID.tmp`.
+// The name of the temporary file into which a process writes a shard, or another file of the campaign's folder, until
+// this file is whole: `.NAME.HOST.SPACE.PID.tmp`.
 struct TemporaryFile {
   std::string name, host;
-  std::string space;  // of the numbers of processes: of a boot of the host, and of a container
+  std::string space;  // in which the numbers of processes are unique: a boot of the host, and a container
   pid_t process = 0;
 
-  // A file of this process.
+  // A temporary file of this process.
   explicit TemporaryFile(std::string name);
-  // The file of this process for a shard.
+  // Returns the temporary file of this process for a shard.
   static TemporaryFile of_shard(const CaseRange& cases);
-  // Returns the parts of a file's name; nullopt if it is the name of no temporary file.
+  // Reads the parts of a temporary file's name; returns nullopt for any other name.
   static std::optional<TemporaryFile> parse(std::string_view file_name);
   std::string file_name() const;
-  // Returns true if its process had a number of this space and has ended. Another process may run.
+  // Returns true if the file is of this host and of this process's space, and its process has ended. Returns false if
+  // this cannot be known.
   bool is_left_behind() const;
 
  private:
   TemporaryFile() = default;
 };
 
-// Writes a shard into a temporary file, also one that is there already, which the destructor removes if the shard is
+// Writes a shard into its temporary file, which may exist already. The destructor removes this file if the shard is
 // not whole. All functions throw std::runtime_error, which names the file and the cause, such as a full disk.
 class ShardWriter {
  public:
@@ -115,8 +116,8 @@ class ShardWriter {
 
   // Adds the row of the next case.
   void add(std::string_view row);
-  // Writes the footer, waits until the disk has the file, and gives it its name. The rows of all cases were added.
-  // Returns false if somebody has removed the temporary file: then there is no shard.
+  // Writes the footer, waits until the file is on the disk, and gives the file the name of the shard. Throws if a row
+  // is missing. Returns false, without a shard, if the temporary file was removed by another process.
   bool commit(const std::optional<ArrayDigest>& arrays = std::nullopt);
 
  private:
@@ -133,8 +134,8 @@ class ShardWriter {
   bool is_whole_ = false;
 };
 
-// Writes a file of `text` at `path`, whole or not at all, unless there is one: then that one stays, and the function
-// returns false. Throws std::runtime_error.
+// Writes a new file with `text`, whole or not at all. If `path` exists already, it is left unchanged, and the
+// function returns false. Throws std::runtime_error.
 bool write_once(const std::filesystem::path& path, std::string_view text);
 
 }  // namespace imud

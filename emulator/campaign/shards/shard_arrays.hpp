@@ -1,7 +1,8 @@
 // ShardArrays: the measurements of the cases of a shard, in a file beside it.
 //
-// The file FIRST-LAST.rows has, imu after imu, the rows of each case of the shard, as MeasurementRow without the
-// truth: with the files of all shards one after another, the rows of an imu are an array in the order of the cases.
+// The file FIRST-LAST.rows has a block for each imu. A block has the rows of all cases of the shard in ascending
+// order, as MeasurementRow without the truth. The blocks of one imu from all shards, one after another, are therefore
+// an array in the order of the cases.
 #pragma once
 
 #include <cstddef>
@@ -38,18 +39,19 @@ struct ArrayShape {
 
 // Returns so many rows without a value.
 std::vector<std::byte> rows_without_value(std::uint64_t count);
-// Returns the name of the file: "000000000-000000099.rows".
+// Returns the name of the file of a shard's arrays: "000000000-000000099.rows".
 std::string array_name(const CaseRange& shard);
-// Returns the cases of such a name; nullopt if it is another one.
+// Returns the cases of a file of arrays by the name; nullopt for any other name.
 std::optional<CaseRange> cases_of_array(std::string_view name) noexcept;
-// Returns the digest of such a file; nullopt if it cannot be read.
+// Returns the size and the digest of a file; nullopt if the file cannot be read.
 std::optional<ArrayDigest> digest_of_array(const std::filesystem::path& path);
 
-// The temporary files of a run, in the name of this process, also if its workers write them. All functions throw
-// std::runtime_error, which names the file and the cause, such as a full disk. Two runs write the same bytes.
+// The temporary files of arrays of a run. Their names have the number of the process that constructs this, also if
+// workers write them. All functions throw std::runtime_error, which names the file and the cause, such as a full
+// disk. Two runs of the same case write the same bytes.
 class ShardArrays {
  public:
-  // `folder`: of the shards.
+  // `folder`: the folder `shards`.
   ShardArrays(std::filesystem::path folder, ArrayShape shape)
       : folder_(std::move(folder)), shape_(std::move(shape)), mine_("") {}
 
@@ -58,12 +60,13 @@ class ShardArrays {
   // arrays.
   using Write = std::function<void(std::size_t imu, std::span<const std::byte> rows)>;
   Write writer(const CaseRange& shard, std::uint64_t index) const;
-  // Makes the rows of a case without value.
+  // Writes rows without a value for a case.
   void clear(const CaseRange& shard, std::uint64_t index) const;
-  // Takes the rows of a case from the file that the shard has.
+  // Copies the rows of a case from the present file of the shard to the temporary file.
   void keep(const CaseRange& shard, std::uint64_t index) const;
-  // Waits until the disk has the file, and gives it its name: before the shard gets its own. Returns nullopt if
-  // somebody has removed the temporary file meanwhile: then there is none, or it lacks cases.
+  // Waits until the temporary file is on the disk, and gives the file its name. Call this before the shard itself
+  // gets its name. Returns nullopt if another process has removed the temporary file: the file is missing, or lacks
+  // cases because it was created again.
   std::optional<ArrayDigest> commit(const CaseRange& shard) const;
   // Removes the temporary file, if there is one.
   void release(const CaseRange& shard) const noexcept;

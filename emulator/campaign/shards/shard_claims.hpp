@@ -1,7 +1,7 @@
-// ShardClaims: says in the folder which shards this run is at work on, and knows which ones other runs are.
+// ShardClaims: marks in the folder the shards at which this run is at work, and finds the shards of other runs.
 //
-// A claim is the temporary file of the shard, in the name of the run's process. It is a courtesy, not a lock: two
-// runs that do the same shard write the same bytes.
+// A claim is the temporary file of the shard, whose name has the number of the run's process. Claims only save work;
+// they are no locks: two runs that do the same shard write the same bytes.
 #pragma once
 
 #include <cstdint>
@@ -18,17 +18,17 @@ namespace imud {
 
 class ShardClaims {
  public:
-  // The claims are in the name of this process, also if workers make them. `folder` must outlive this.
+  // All claims have the number of this process, also if its workers make them. `folder` must outlive this.
   explicit ShardClaims(const ResultFolder& folder) : folder_(folder), mine_("") {}
 
-  // Claims a shard, unless this run has it already. With `yields` it returns false, and claims nothing, if another
-  // process is at work on the shard. For that it lists the folder, which takes a twentieth of a worker's time at
-  // most.
+  // Claims a shard for this run, and returns true. If `yields`, and another process is at work on the shard, claims
+  // nothing and returns false. To know this, claim() lists the folder, for at most a twentieth of a worker's time.
   bool claim(const CaseRange& shard, bool yields);
   // Removes the file of a claim, if there is one.
   void release(const CaseRange& shard) const noexcept;
-  // Makes the files of claims young again that are older than a minute, because other hosts remove a file that nobody
-  // has written for a day. Looks at most five times a second and, once it has found one, each minute.
+  // Sets the time of each claim's file that is older than a minute to the present: other hosts remove a file that was
+  // not written for a day. Looks at the files at most five times a second and, after a file was refreshed, each
+  // minute.
   void refresh(const std::set<std::uint64_t>& first_cases);
 
  private:
@@ -38,7 +38,7 @@ class ShardClaims {
 
   const ResultFolder& folder_;
   TemporaryFile mine_;
-  std::map<std::uint64_t, std::string> others_;  // the least name of a file of others, by the first case
+  std::map<std::uint64_t, std::string> others_;  // the least file name among other processes' claims, by first case
   std::optional<HostTime> looked_, not_before_;  // not_before_: the next refresh()
   Nanoseconds look_took_{};
 };

@@ -16,9 +16,9 @@ struct StopRule {
   // The pass rate of whole cases: complete, and all expectations hold.
   static constexpr std::string_view all_cases = "cases";
 
-  // Reads "NAME pass rate within 1 % at 95 %"; nullopt if the text is no such rule.
+  // Reads "NAME pass rate within 1 % at 95 %"; returns nullopt if the text is no such rule.
   static std::optional<StopRule> parse(std::string_view text);
-  // Returns true if the pass rate is known as well as that.
+  // Returns true if half the width of the pass rate's interval is at most `half_width`.
   bool is_met(std::uint64_t passes, std::uint64_t runs) const noexcept;
 };
 

@@ -21,7 +21,7 @@ struct QueuedTask {
   std::string reason;       // why it waits
 
   bool waits() const noexcept { return state == "PD"; }
-  // Returns true if it waits until somebody releases it.
+  // Returns true if the task waits until a user releases it.
   bool is_held() const noexcept {
     return waits() && (reason.find("Held") != reason.npos || reason.find("held") != reason.npos);
   }
@@ -32,7 +32,7 @@ struct SlurmArray {
   std::string name = {};
   std::string indices = {};               // array_indices()
   unsigned max_running = 0;               // tasks at the same time; 0: no limit
-  std::string after = {};                 // identifier of a job whose end it waits for; empty: none
+  std::string after = {};                 // identifier of the job for whose end the array waits; empty: none
   std::vector<std::string> options = {};  // of sbatch, after the options of this program
   std::string script = {};                // path
   std::uint64_t first_task = 0;           // the argument of the script
@@ -40,26 +40,27 @@ struct SlurmArray {
 
 // Returns the words of the sbatch command.
 std::vector<std::string> sbatch_words(const SlurmArray& array);
-// Returns why an option of sbatch cannot be given; empty if it can.
+// Returns the reason why a plan or a user may not give this option of sbatch; empty if the option is permitted.
 std::string sbatch_option_fault(std::string_view option);
 // Reads the output of squeue.
 std::vector<QueuedTask> queued_tasks(std::string_view output);
 
-// The commands are those in PATH, and use the cluster that they find (SLURM_CONF).
+// Calls Slurm's commands in PATH. They use the cluster that they find (SLURM_CONF).
 class SlurmQueue {
  public:
   // `stop`, which must outlive this, ends a command that waits.
   explicit SlurmQueue(const std::atomic<bool>& stop) : stop_(stop) {}
 
-  // Throws OpenError if there is no Slurm here, or its controller does not answer.
+  // Throws OpenError if this machine has no Slurm, or if Slurm's controller does not answer.
   SlurmLimits limits() const;
-  // Returns the processors of a partition; of all for "". Returns 1 if it cannot be found.
+  // Returns the number of processors of a partition, or of all partitions for "". Returns 1 if it is unknown.
   std::uint64_t processors(const std::string& partition) const;
   // Returns the identifier of the job. Throws OpenError with the words of sbatch.
   std::string submit(const SlurmArray& array) const;
   // Cancels the tasks of jobs that wait or run, as far as Slurm lets this user.
   void cancel(const std::vector<std::string>& jobs) const;
-  // Returns the tasks of all users' jobs of these names; nullopt, with the words of squeue in `fault`, if it fails.
+  // Returns the tasks of the jobs of these names, of all users. Returns nullopt if squeue fails; then `fault` has the
+  // message of squeue.
   std::optional<std::vector<QueuedTask>> tasks(const std::vector<std::string>& names, std::string& fault) const;
 
  private:

@@ -14,7 +14,7 @@ struct SlurmLimits {
   std::uint64_t array_tasks = 1'000'000;  // max_array_tasks of SchedulerParameters: tasks of one array
   std::uint64_t jobs = 10'000;            // MaxJobCount: jobs of all users, each task counted
 
-  // Reads the output of `scontrol show config`. A value that is not there keeps its default.
+  // Reads the output of `scontrol show config`. A value that is absent keeps its default.
   static SlurmLimits parse(std::string_view config);
 };
 
@@ -34,18 +34,18 @@ struct SlurmTasks {
 struct SlurmWork {
   std::uint64_t cases = 1;
   std::uint64_t batch = 1;           // cases of a shard
-  double case_s = 1;                 // time that a case takes
+  double case_s = 1;                 // time of a case
   std::uint64_t processors = 1;      // of the cluster
   std::uint64_t cases_per_task = 0;  // wanted; 0: chosen
 };
 
-// A task lasts 5 min; less if there would be fewer than four tasks for each processor, but then 10 s at least; and
-// longer if the tasks would be more than half of the jobs that the cluster can hold. Throws OpenError if the cluster
-// allows no arrays.
+// Divides the cases into tasks of 5 min. The tasks are shorter, but at least 10 s long, if there would be fewer than
+// four tasks for each processor. The tasks are longer if they would be more than half of the jobs that the cluster
+// can hold. Throws OpenError if the cluster allows no arrays.
 SlurmTasks divide_into_tasks(const SlurmWork& work, const SlurmLimits& limits);
 
-// Returns how many cases a shard should have: at most `most`, a minute's, because a task that is ended loses its open
-// shard; but so many that a campaign has at most 10,000 shards.
+// Returns how many cases a shard should have: at most `most` and at most a minute's cases, because a task that is
+// killed loses its open shard; but if `most` permits, enough for at most 10,000 shards.
 std::uint64_t batch_for_slurm(std::uint64_t cases, double case_s, std::uint64_t most);
 
 // Returns ascending numbers as sbatch takes them: "0-3,7,9-12".
@@ -56,7 +56,7 @@ struct SlurmScript {
   std::string program;  // imud
   std::string plan;
   std::string folder;  // of the campaign
-  std::string logs;    // folder of what tasks that fail have printed, a file each
+  std::string logs;    // folder for the output of failed tasks, a file for each task
 
   std::string text(const SlurmTasks& tasks) const;
 };

@@ -10,9 +10,9 @@
 
 namespace imud {
 
-// The content of tasks.json, which stays while the folder exists: a task has the same cases whenever it is submitted.
+// The content of tasks.json. It is written once, so that a task has the same cases whenever it is submitted.
 struct StoredTasks {
-  std::string name;  // of the jobs, before the number of the array; no other folder has it
+  std::string name;  // of the jobs, before the number of the array; unique to the folder
   SlurmTasks tasks;
   std::vector<std::string> options;  // of sbatch
 
@@ -20,7 +20,8 @@ struct StoredTasks {
   static bool are_in(const std::filesystem::path& campaign);
   // Throws OpenError if the file is damaged.
   static StoredTasks read(const std::filesystem::path& campaign, std::uint64_t cases);
-  // Makes the folder and the file, unless another process has done so. Returns its content. Throws OpenError.
+  // Makes the folder and the file, unless another process has made them. Returns the content of the file. Throws
+  // OpenError.
   static StoredTasks keep(const std::filesystem::path& campaign, const SlurmTasks& tasks,
                           const std::vector<std::string>& options);
   // Writes array.sh unless it has this text. Throws std::runtime_error.

@@ -1,4 +1,5 @@
-// CampaignPage: a page that shows a campaign while it runs, wherever it runs: it reads the folder alone.
+// CampaignPage: a web page that shows a campaign while it runs. The page reads the folder alone: the campaign may run
+// on any machine.
 #pragma once
 
 #include <span>

@@ -1,4 +1,4 @@
-// CampaignStatus: how far a campaign has come, by its folder alone.
+// CampaignStatus: the progress of a campaign, read from its folder alone.
 #pragma once
 
 #include <cstddef>
@@ -22,8 +22,8 @@ class CampaignStatus {
   // Throws OpenError if there is no campaign.
   explicit CampaignStatus(const std::string& folder) : folder_(folder) {}
 
-  // Reads the shards that have come since the last call, or have changed: until so many seconds have passed, but at
-  // least one. Returns false if others are left.
+  // Reads the shards that are new or changed since the last call: at least one, and no further one after `limit_s`
+  // seconds. Returns false if such shards are left.
   bool update(double limit_s = std::numeric_limits<double>::infinity());
 
   // Returns true if all cases are done, none is incomplete, and all expectations hold.
@@ -35,8 +35,8 @@ class CampaignStatus {
   struct SeenShard {
     std::filesystem::file_time_type time;
     std::uint64_t cases = 0;
-    std::string fault;                 // why it is not whole
-    std::optional<CaseCounts> counts;  // of a shard that `resume` replaces, as it has a case that could not be run
+    std::string fault;                 // the reason why the shard is not whole
+    std::optional<CaseCounts> counts;  // of a shard with a case that could not be run, which `resume` replaces
   };
   std::optional<double> cases_per_s() const;
   std::optional<double> left_s() const;
@@ -50,8 +50,8 @@ class CampaignStatus {
 
   const ResultFolder folder_;
   SequentialStop stop_{folder_};
-  CaseCounts lasting_;                       // of the shards that nobody replaces
-  CaseCounts counts_;                        // of all
+  CaseCounts lasting_;                       // of the shards that `resume` does not replace
+  CaseCounts counts_;                        // of all shards
   std::map<std::uint64_t, SeenShard> seen_;  // by the first case
   std::size_t present_ = 0;                  // shards in the folder
   std::vector<TemporaryFile> running_;       // files of processes that run, or of other hosts

@@ -1,4 +1,4 @@
-// CaseCounts: how many cases of a campaign have passed: of all, and by the values of each axis.
+// CaseCounts: how many cases of a campaign have passed, in all and by the values of each axis.
 #pragma once
 
 #include <cstddef>
@@ -12,7 +12,7 @@
 
 namespace imud {
 
-// The runs in which a question was asked, and how many have passed.
+// How many runs were judged by one criterion, and how many of them have passed.
 struct CaseRate {
   std::uint64_t runs = 0, passes = 0;
 };
@@ -20,9 +20,9 @@ struct CaseRate {
 // Shards are added in any order, each once; the counts do not depend on it. One thread.
 class CaseCounts {
  public:
-  // An axis with more values than these, such as random draws, is not divided by value.
+  // Cases are not counted by value for an axis with more values, such as random draws.
   static constexpr std::size_t most_values = 100;
-  // The first cases that have not passed are kept.
+  // So many cases that have not passed are kept: the first ones.
   static constexpr std::size_t most_failed = 100;
 
   // A case that has not passed.
@@ -33,8 +33,8 @@ class CaseCounts {
   };
   struct Value {
     std::string text;
-    std::uint64_t first_case = 0;  // the first one that has it
-    std::vector<CaseRate> rates;   // as rates(); later ones may be absent
+    std::uint64_t first_case = 0;  // the first case with this value
+    std::vector<CaseRate> rates;   // in the order of rates(); the last ones may be absent
   };
   struct Axis {
     std::string name;
@@ -42,8 +42,8 @@ class CaseCounts {
     bool is_divided = true;
   };
 
-  // Throws std::runtime_error, "has no result in the row of case 7", if a row cannot be read. Then the counts are of
-  // no use.
+  // Throws std::runtime_error, "has no result in the row of case 7", if a row cannot be read. Then this object must
+  // not be used further.
   void add(const Shard& shard);
   // Adds the counts of other shards.
   void add(const CaseCounts& other);
@@ -51,13 +51,14 @@ class CaseCounts {
   std::uint64_t done = 0;  // cases that were run
   CaseTally tally;
 
-  // The first rate is of "cases": complete, and all expectations hold. The others are of each expectation.
+  // The first name is "cases": its rate counts a case as passed if it is complete and all expectations hold. The
+  // other names are expectations, each with its own rate.
   const std::vector<std::string>& names() const noexcept { return names_; }
   const std::vector<CaseRate>& rates() const noexcept { return rates_; }
-  // Axes in the order of the plan. Their values are in the order of their numbers or, if not all are numbers, in that
-  // of the cases.
+  // Returns the axes in the order of the plan. The values of an axis are sorted if all are numbers; otherwise they
+  // have the order of the cases.
   std::vector<Axis> axes() const;
-  // By their numbers.
+  // The cases that are kept, by their numbers.
   const std::map<std::uint64_t, Failed>& failed() const noexcept { return failed_; }
 
  private:
@@ -70,7 +71,7 @@ class CaseCounts {
   void divide(const Row& row, const std::vector<Passed>& all);
   std::size_t rate_of(const std::string& expectation);
   void keep(std::uint64_t index, Failed one);
-  // Returns the value of an axis; nullptr if the axis is not divided.
+  // Returns the entry for a value of an axis; nullptr if cases are not counted by the values of this axis.
   static Value* value_of(Axis& axis, const std::string& text, std::uint64_t first_case);
 
   std::vector<std::string> names_ = {"cases"};
