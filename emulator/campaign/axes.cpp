@@ -23,7 +23,8 @@ namespace {
 constexpr std::size_t most_values = 100'000;  // of an axis
 constexpr std::string_view all_models = "imu.*.model";
 
-// A key of the configuration can have one of these names, such as truth.from, but then its value is a list.
+// Returns whether the table is a range of values. A table of configuration keys may have the same names, such as
+// truth.from; on an axis, the value of such a key is a list.
 bool is_range(const toml::table& table) {
   static constexpr std::string_view keys[] = {"from", "to", "count", "scale"};
   return std::ranges::any_of(keys,
@@ -35,7 +36,7 @@ std::string rounded(double value) {
   return fmt::to_string(std::strtod(fmt::format("{:.15g}", value).c_str(), nullptr));
 }
 
-// Returns a text that equal values have: of 1 and 1.0, and of lists of them, too.
+// Returns a text that is the same for equal values, such as 1 and 1.0, and for lists of equal values.
 std::string comparable_text(const toml::node& node) {
   constexpr std::int64_t exact = std::int64_t{1} << 53;  // as doubles
   if (const auto* real = node.as_floating_point()) return fmt::to_string(real->get());

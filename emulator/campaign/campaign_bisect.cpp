@@ -38,7 +38,7 @@ struct AxisPoint {
 
 bool is_whole_number(double value) noexcept { return value == std::floor(value); }
 
-// The search beside the values of one case.
+// The search along the axis; all other values are the values of case `index`.
 class AxisSearch {
  public:
   // `campaign` must outlive this.
@@ -82,8 +82,8 @@ class AxisSearch {
     return {value, text, result->exit_code == 0};
   }
 
-  // Moves the two points, one of which passes, to a distance of at most `tolerance`. A key that takes whole numbers
-  // alone refuses the others: then only those are tried.
+  // Moves the two points, of which one passes and one fails, to a distance of at most `tolerance`. Tries whole
+  // numbers only once the key has refused a fraction between two whole numbers.
   void halve(AxisPoint& low, AxisPoint& high, double tolerance) {
     const bool may_be_whole = is_whole_number(low.value) && is_whole_number(high.value);
     bool is_whole = false;
@@ -108,7 +108,8 @@ class AxisSearch {
   std::uint64_t runs_ = 0;
 };
 
-// Returns the values of an axis in ascending order. Throws OpenError unless they are two numbers at least.
+// Returns the values of an axis in ascending order. Throws OpenError unless the axis has at least two values, all of
+// them numbers.
 std::vector<AxisPoint> ordered_values(const Campaign& campaign, const std::string& name) {
   const auto axis = std::ranges::find(campaign.axes, name, &CampaignAxis::name);
   if (axis == campaign.axes.end()) {
@@ -126,7 +127,7 @@ std::vector<AxisPoint> ordered_values(const Campaign& campaign, const std::strin
   return values;
 }
 
-// Returns the cases with the first value of an axis: one for each combination of the others.
+// Returns the cases with the first value of an axis: one case for each combination of the other values.
 std::vector<std::uint64_t> combinations(const Campaign& campaign, const std::string& name) {
   constexpr std::uint64_t most = 100'000;
   const auto axis = std::ranges::find(campaign.axes, name, &CampaignAxis::name);
@@ -152,7 +153,7 @@ int bisect_campaign(const std::string& plan_or_folder, const CampaignBisectOptio
                                 campaign.cases() - 1));
   const std::vector<std::uint64_t> cases =
       options.index ? std::vector{*options.index} : combinations(campaign, options.axis);
-  std::map<std::size_t, std::string> waiting;  // texts that come before an earlier one
+  std::map<std::size_t, std::string> waiting;  // texts of items after `next`, which is not done
   std::size_t next = 0;
   TextFile output("-");
   ProgressLine progress(true);

@@ -46,7 +46,8 @@ class Trial {
  public:
   explicit Trial(const Campaign& campaign) : campaign_(campaign) {}
 
-  // Loads the configuration of a case; `what` varies in it. Adds a fault for each that no case before has had.
+  // Loads the configuration of a case; `what` describes the values that it tries. Adds the faults that no earlier
+  // case had.
   void attempt(std::uint64_t index, std::uint32_t line, const std::string& what) {
     if (!tried_.insert(index).second) return;
     try {

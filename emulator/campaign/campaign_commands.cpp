@@ -19,8 +19,8 @@
 namespace imud {
 namespace {
 
-// Becomes `imu-campaign ACTION ARGUMENTS...`, the program beside this one: it has the writers of SQLite and of
-// pictures, without which imud starts. Throws OpenError if it cannot be executed.
+// Replaces this process by `imu-campaign ACTION ARGUMENTS...`, a program in the same folder: only this program needs
+// the libraries that write SQLite and pictures. Throws OpenError if the program cannot be executed.
 [[noreturn]] void become_tool(const std::string& action, const std::vector<std::string>& arguments) {
   const std::filesystem::path self = std::filesystem::read_symlink("/proc/self/exe");
   std::vector<std::string> words = {(self.parent_path() / "imu-campaign").string(), action};

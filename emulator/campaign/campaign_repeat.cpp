@@ -17,7 +17,7 @@ namespace imud {
 
 namespace {
 
-// Returns the row of a case in a folder; empty if it is not there.
+// Returns the row of a case in a folder; empty if the folder does not have the row.
 std::string stored_row(const ResultFolder& folder, std::uint64_t index) {
   const CaseRange cases = folder.campaign().shard_of(index);
   std::string fault;
@@ -25,7 +25,7 @@ std::string stored_row(const ResultFolder& folder, std::uint64_t index) {
   return shard ? shard->rows[index - cases.first] : std::string();
 }
 
-// Names the members in which two rows differ, with their values.
+// Returns a text for each member in which two rows differ, with both values.
 std::vector<std::string> differences(const std::string& there, const std::string& here) {
   using Json = nlohmann::ordered_json;
   const Json a = Json::parse(there), b = Json::parse(here);

@@ -75,7 +75,8 @@ void check_range(const CaseRange& cases, const CampaignDescription& campaign) {
         cases.first, cases.last, campaign.batch, first.first, last.last));
 }
 
-// Throws OpenError if the missing cases do not fit the disk. Rows that are there say how long one is.
+// Throws OpenError if the rows of the missing cases do not fit on the disk. The size of a row is estimated by the
+// rows in the folder, if there are any.
 void require_room_for(const MissingCases& missing, const ResultFolder& folder, const Campaign& campaign,
                       CaseRunner& runner) {
   const MissingCases::Kept& kept = missing.kept();
@@ -95,11 +96,11 @@ void require_room_for(const MissingCases& missing, const ResultFolder& folder, c
   require_room(folder.path().string(), missing.items(), row_bytes);
 }
 
-// The text of a worker for a case that another process has done meanwhile, for one that another process is at work
-// on, and for one that a signal has ended.
+// The texts that a worker returns in place of a row: another process has done the case; another process is at work on
+// the case; a signal has ended the case.
 constexpr std::string_view left_to_others = "-", put_off = "+", was_stopped;
 
-// The run of the cases that are missing: what a worker does with a case, and what becomes of its text.
+// The run of the missing cases: work() runs in the worker processes, take() receives their texts in this process.
 class MissingRun {
  public:
   MissingRun(const ResultFolder& folder, CaseRunner& runner, const MissingCases& missing,
@@ -134,7 +135,7 @@ class MissingRun {
   std::uint64_t failed_ = 0, short_ = 0;  // cases that are logged
 };
 
-// A shard that was there at the begin counts as repaired if all its cases could be run.
+// A shard that the folder had at the begin of this run counts as repaired if all its cases could be run.
 bool MissingRun::is_done_by_others(const ShardToWrite& shard, bool is_repaired) const {
   if (!shard.replaces) return folder_.has(shard.cases);
   std::string fault;
@@ -188,7 +189,7 @@ bool MissingRun::run(SequentialStop& stop) {
   const auto pass = [&](bool is_first) {
     return run_workers(
         {.jobs = jobs,
-         // The whole campaign is divided among runs of it. An array's tasks are divided already.
+         // Several runs of the whole campaign divide the shards among them. The tasks of an array do not need this.
          .work = [&](std::size_t number) { return work(item_of(number), is_first && !options_.cases); },
          .take = [&](std::size_t number, std::string text) { take(item_of(number), std::move(text)); },
          .tick = [&] { progress_.show(shards_.done(), missing_.items(), "cases"); },
@@ -206,7 +207,7 @@ bool MissingRun::run(SequentialStop& stop) {
          .goes_on = !is_first},
         again ? again->size() : missing_.items());
   };
-  // Who removes files again and again has to be stopped.
+  // Bounds the number of passes, in case something removes the files again and again.
   constexpr int most_passes = 5;
   bool goes_on = pass(true);
   for (int i = 1; goes_on && i < most_passes && !stop.has_ended(); ++i) {

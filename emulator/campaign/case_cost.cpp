@@ -35,7 +35,7 @@ std::unique_ptr<Port> truth_alone(const PortUse& use) {
   return use.of == PortUse::Of::truth ? real_ports(use) : no_ports(use);
 }
 
-// Returns the bytes of the texts that a row of the case has: its columns, and the figures of the summary.
+// Returns an estimate of the bytes of a row of the case, by its columns and by the figures of the summary.
 double estimated_row(const Campaign& campaign, const CampaignCase& c, const Config& config, Assembly& assembly) {
   constexpr std::size_t fixed = 300, per_imu = 80, per_text = 6, per_figure = 10, per_error = 55;
   std::size_t bytes = fixed + per_error * error_figures(campaign, config);

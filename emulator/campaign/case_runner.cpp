@@ -29,7 +29,7 @@ namespace {
 
 using Row = nlohmann::ordered_json;
 
-// Returns true if both read the same from a capture.
+// Returns true if both configurations of truth read the same packets from a capture.
 bool reads_the_same(const TruthConfig& a, const TruthConfig& b) {
   return a.port == b.port && a.format == b.format && !a.settings.frames() && !b.settings.frames() &&
          a.port_settings.from == b.port_settings.from &&
@@ -84,7 +84,7 @@ struct CasePorts {
 }  // namespace
 
 const Config& CaseRunner::prepare(const CampaignCase& one) {
-  // Decoded truths agree with the identity, whatever happens to the file.
+  // Decoded truths belong to the identity, even if the file has changed since.
   if (prepared_ && prepared_->at == one.at && prepared_->draw == one.draw &&
       (prepared_->truths || capture_digest(prepared_->truth) == prepared_->capture)) {
     prepared_->config.seed = one.seed;
@@ -194,7 +194,7 @@ std::optional<CaseRunner::Result> CaseRunner::run(std::uint64_t index, const std
     if (outcome.ended_by == EndedBy::signal) return std::nullopt;
     std::vector<std::string> shortfalls;
     const Row of_test = tested ? tested->end(stop, shortfalls) : Row();
-    // Before their consequences: the first one is what a run prints.
+    // The faults of the test come before their consequences, because a run prints the first shortfall.
     outcome.shortfalls.insert(outcome.shortfalls.begin(), shortfalls.begin(), shortfalls.end());
     if (tested && stop) return std::nullopt;  // it may have been killed
 
@@ -228,8 +228,7 @@ std::string CaseRunner::row_of_failure(std::uint64_t index, const std::string& e
   std::string identity;
   try {
     identity = identity_of(campaign_, one);
-  } catch (const std::exception&) {  // the error may be that its configuration
-                                     // or a file cannot be read
+  } catch (const std::exception&) {  // `error` may be that the configuration or a file cannot be read
   }
   Row row = begin_of_row(campaign_, one, std::move(identity));
   row["exit_code"] = 1;

@@ -59,7 +59,7 @@ FileDigests& file_digests() {
   return digests;
 }
 
-// Returns the text of a port that is read, with the digest of its file in place of the path.
+// Returns the text of a port of truth with the path replaced by the digest of the file.
 std::string with_digest(const std::string& port) {
   const Transport* transport = transport_of(port);
   if (transport == nullptr || !transport->has_path) return port;
@@ -68,7 +68,7 @@ std::string with_digest(const std::string& port) {
   return port.substr(0, begin) + file_digests().of(port.substr(begin, end - begin)) + port.substr(end);
 }
 
-// Returns what is left of the text of a port that no case opens: the settings behind "?".
+// Returns the settings behind "?" in the text of an imu's port. No case opens this port, so that only these count.
 std::string settings_of(const std::string& port) { return port.substr(std::min(port.find('?'), port.size())); }
 
 // Replaces the path of each file by the file's digest.

@@ -16,7 +16,7 @@ namespace imud {
 
 namespace {
 
-// Throws OpenError if the configuration of a case is not the one that its row comes from.
+// Throws OpenError if the present identity of a case differs from `there`, the identity in the row of the case.
 void check_identity(const std::string& there, std::uint64_t index, const Campaign& campaign) {
   const std::string here = identity_of(campaign, case_of(campaign, index));
   if (there != here)
@@ -26,8 +26,8 @@ void check_identity(const std::string& there, std::uint64_t index, const Campaig
                     index, there, here));
 }
 
-// Returns the fault of a shard whose rows are not all JSON; empty if they are. ResultFolder::read() has read as much
-// of each row as says how its case has ended.
+// Returns the fault of a shard if a row is not JSON; empty if all rows are. ResultFolder::read() has checked only the
+// part of each row that says how the case has ended.
 std::string fault_of_rows(const Shard& shard) {
   const auto damaged =
       std::ranges::find_if_not(shard.rows, [](const std::string& row) { return nlohmann::json::accept(row); });
@@ -66,7 +66,7 @@ MissingCases::MissingCases(const ResultFolder& folder, const CaseRange& range, c
       continue;
     }
     ShardToWrite again{.cases = cases, .replaces = true};
-    std::optional<std::uint64_t> checked;  // cases that differ in the seed alone
+    std::optional<std::uint64_t> checked;  // the last group of cases, equal but for the seed, that was checked
     for (std::uint64_t index = cases.first; index <= cases.last; ++index) {
       const std::string& row = shard->rows[index - cases.first];
       const RowResult result(row);

@@ -100,7 +100,8 @@ std::optional<CampaignDraws> read_draws(TableReader table, const toml::node* nod
   return draws;
 }
 
-// Returns the names of the imus of the base; none if it cannot be read, which try_cases() says.
+// Returns the names of the imus in the base configuration. Returns none if this file cannot be read: try_cases()
+// reports it.
 std::vector<std::string> names_of_imus(const Campaign& campaign) {
   std::vector<std::string> names;
   Faults unused("");
@@ -133,7 +134,8 @@ std::vector<std::string> keys_by_number(const std::string& key, const std::vecto
   return all.empty() ? std::vector{key} : all;
 }
 
-// Adds a fault for each name that two axes have, and for each key that two of them set, however it is spelt.
+// Adds a fault for each name that two axes share, and for each key that two axes set. A key may be spelt with the
+// number or with the name of an imu.
 void check_names(const Campaign& campaign, Faults& faults) {
   const std::vector<std::string> imus = names_of_imus(campaign);
   std::map<std::string, std::string> owners;  // by name or key: the axis
@@ -179,8 +181,8 @@ void check_size(const Campaign& campaign, Faults& faults) {
                            Campaign::most_cases));
 }
 
-// Reads `until`. Its interval is for cases that are drawn one as another: no axis may come before others, and no draw
-// may have several seeds.
+// Reads `until`. The interval of the rule holds only for cases that are drawn independently from one distribution: no
+// axis may have several values, and several draws must have one seed each.
 std::string read_until(TableReader& plan, const Campaign& campaign) {
   std::string text = plan.text("until", "");
   if (text.empty()) return text;

@@ -122,7 +122,8 @@ std::map<std::uint64_t, std::string> ShardsAtWork::rows_that_stay(const ShardToW
   return rows;
 }
 
-// Returns true if another process has written the shard meanwhile, with as few cases that could not be run.
+// Returns true if another process has written the shard, with no more cases that could not be run than the shard
+// here. A shard that is to be replaced must have fewer such cases.
 bool ShardsAtWork::is_there_as_good(const ShardToWrite& shard, std::uint64_t failed) const {
   if (!folder_.has(shard.cases)) return false;
   std::string fault;

@@ -46,8 +46,8 @@ std::vector<std::string> sbatch_options(const CampaignSlurm& slurm, const std::v
   return options;
 }
 
-// Returns how long a folder may hide a file that another host has made: NFS keeps a listing for up to a minute
-// (nfs(5), acdirmax).
+// Returns for how long a file that another host has made may be missing in a listing of the folder, s: NFS caches a
+// listing for up to a minute (nfs(5), acdirmax).
 double listing_delay_s(const fs::path& folder) {
   constexpr long nfs = 0x6969;  // NFS_SUPER_MAGIC of statfs(2)
   struct statfs system = {};
@@ -62,13 +62,13 @@ double tested_case_s(const Campaign& campaign) {
   return seconds(host_now() - begin);
 }
 
-// Waits, but not longer than a signal.
+// Waits for so many seconds, or until a signal comes.
 void pause_for(double duration_s) {
   for (const HostTime begin = host_now(); !workers_stop() && seconds(host_now() - begin) < duration_s;)
     ::poll(nullptr, 0, 100);
 }
 
-// The tasks of a campaign that are to be done, and their shards.
+// Submits the tasks of a campaign that have missing shards, and waits for these shards.
 class SlurmRun {
  public:
   SlurmRun(const ResultFolder& folder, const Campaign& campaign, StoredTasks stored, bool quiet)
@@ -111,7 +111,7 @@ class SlurmRun {
     return error ? std::nullopt : std::optional(time);
   }
   std::string name_of(std::uint64_t array) const { return fmt::format("{}-{}", stored_.name, array); }
-  // Returns the tasks in the queue, and the last array there; nullopt if Slurm does not answer, which is logged once.
+  // Returns the campaign's tasks in the queue; nullopt if Slurm does not answer, which is logged once.
   std::optional<std::vector<QueuedTask>> ask_queue() {
     std::vector<std::string> names;
     for (std::uint64_t array = 0; array < stored_.tasks.arrays(); ++array) names.push_back(name_of(array));
@@ -123,7 +123,7 @@ class SlurmRun {
     return tasks;
   }
 
-  // Takes the tasks that wait or run out of those to be submitted.
+  // Removes the tasks that wait or run from to_submit_.
   void leave_what_is_queued(const std::vector<QueuedTask>& tasks);
   void submit();
   bool follow();
@@ -176,7 +176,7 @@ void SlurmRun::submit() {
                      .options = stored_.options,
                      .script = (fs::absolute(StoredTasks::folder_in(folder_.path())) / "array.sh").string(),
                      .first_task = number * stored_.tasks.tasks_per_array};
-    // Slurm applies the limit to each array: one after the other keeps it.
+    // Slurm applies the limit to each array alone. The arrays keep it together if each waits for the one before.
     if (campaign_.slurm.max_running > 0) array.after = last_job_;
     try {
       last_job_ = queue_.submit(array);
@@ -308,7 +308,7 @@ int run_on_slurm(const std::string& plan, const std::string& folder, const Slurm
   const SlurmLimits limits = queue.limits();
   CampaignCost cost = measure_cases(campaign);
   if (campaign.test) cost.case_s = std::max(cost.case_s, tested_case_s(campaign));
-  // The end of a campaign with `until` is looked for after each shard, which no measured time may change.
+  // A campaign with `until` may end after any shard, so that the size of a shard must not depend on a measured time.
   if (campaign.batch == 0 && campaign.until.empty())
     campaign.batch = batch_for_slurm(campaign.cases(), cost.case_s, batch_of(campaign));
   require_room(folder, campaign.cases(), cost.row_bytes);

@@ -47,7 +47,7 @@ void TestedCase::begin(Engine& engine, const std::atomic<bool>& stop) {
   command_.start(text_);
   Port& port = *engine.channels()[imu_]->lines.all().front().port;
   std::optional<std::chrono::steady_clock::time_point> opened;
-  while (!stop && !command_.has_ended()) {  // it is killed at its time limit
+  while (!stop && !command_.has_ended()) {  // the supervisor kills the command at its time limit
     port.flush();
     if (port.state() != PortState::no_reader && !opened) opened = std::chrono::steady_clock::now();
     has_opened_ = opened.has_value();
