@@ -10,11 +10,12 @@
 namespace imud {
 namespace {
 
-// A line that begins a section. What a login prints before the first one is passed over.
+// The begin of a line that begins a section. Output before the first such line, such as a login's, is ignored.
 constexpr std::string_view mark = "imud-rack ";
 constexpr std::string_view last_section = "end";
 
-// The script is the standard input of a shell, because the login shell may be another one.
+// Returns the call that executes a script on a host. sh reads the script from the standard input, because the login
+// shell may be another shell.
 ProgramCall call_for(const RackHost& host, std::string script, Nanoseconds limit,
                      const std::vector<std::string>& options = {}) {
   if (host.ssh.empty()) return {{"sh", "-s"}, std::move(script)};
@@ -25,7 +26,7 @@ ProgramCall call_for(const RackHost& host, std::string script, Nanoseconds limit
   return {std::move(words), std::move(script)};
 }
 
-// Returns the last lines of a text as one.
+// Returns the last three lines of a text as one line.
 std::string last_lines(std::string_view text) {
   constexpr std::size_t most = 3;
   std::string joined;
@@ -41,7 +42,7 @@ std::string last_lines(std::string_view text) {
   return joined;
 }
 
-// Returns why a script has not ended well. `has_begun`: it has printed a mark.
+// Returns the reason why a script has failed. `has_begun`: the script has printed a mark.
 std::string fault_of(const RackHost& host, const CommandOutput& output, Nanoseconds limit, bool has_begun) {
   const std::string errors = last_lines(output.errors);
   constexpr int not_started = 127, of_ssh = 255;
@@ -72,7 +73,7 @@ HostAnswer answer_of(const RackHost& host, const CommandOutput& output, Nanoseco
   return answer;
 }
 
-// Passes on the bytes behind the mark, and so behind what a login prints.
+// Passes on only the bytes behind the mark, because a login may print text before the mark.
 class BehindMark {
  public:
   explicit BehindMark(const std::function<void(std::string_view)>& receive) : receive_(receive) {}

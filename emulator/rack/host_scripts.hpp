@@ -15,9 +15,9 @@
 namespace imud {
 
 struct HostAnswer {
-  // Why the host was not reached, or has not executed all; empty if it has.
+  // The reason why the host was not reached, or has not executed the whole script; empty if it has.
   std::string fault;
-  // The output of the script, by the names of its sections.
+  // The output of the script, divided into sections; by the names of the sections.
   std::map<std::string, std::string, std::less<>> sections;
 
   bool has(std::string_view section) const { return sections.contains(section); }
@@ -25,26 +25,26 @@ struct HostAnswer {
   std::string text(std::string_view section) const;
 };
 
-// Returns the commands that begin a section of the answer.
+// Returns the commands of a script that begin a section of the answer.
 std::string section(std::string_view name);
 
-// Returns "systemctl" with the option of the host's manager.
+// Returns "systemctl" with the option for the host's service manager (RackHost::Service).
 std::string systemctl(const RackHost& host);
 
-// Executes scripts[i] by sh(1) on hosts[i], on all at the same time; their standard error counts as their output only
-// if they fail. A host that has not ended after `limit` is cut off. ssh never asks for anything (BatchMode), and has
-// its options from ssh_config(5).
+// Executes scripts[i] by sh(1) on hosts[i], on all hosts at the same time. The standard error of a script is used
+// only in HostAnswer::fault. A script that has not ended after `limit` is cut off. ssh never asks a question
+// (BatchMode), and reads ssh_config(5).
 std::vector<HostAnswer> run_on_hosts(std::span<const RackHost> hosts, std::span<const std::string> scripts,
                                      Nanoseconds limit, const std::atomic<bool>& stop);
 
-// A script whose output is bytes, and what receives them piece by piece.
+// A script whose output is bytes, and the function that receives these bytes piece by piece.
 struct Download {
   const RackHost* host = nullptr;
   std::string script;
   std::function<void(std::string_view)> receive;
 };
-// Executes the scripts as run_on_hosts() does, however long that takes; ssh ends if its host has been silent for
-// `limit`. Returns for each why its bytes are not whole; empty if they are.
+// Executes the scripts as run_on_hosts() does, but without a limit of the time; ssh ends if its host has been silent
+// for `limit`. Returns for each script the reason why its bytes are not whole; empty if they are.
 std::vector<std::string> download(std::span<const Download> downloads, Nanoseconds limit,
                                   const std::atomic<bool>& stop);
 

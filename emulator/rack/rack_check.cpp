@@ -16,7 +16,7 @@
 namespace imud {
 namespace {
 
-// Loads a configuration as the unit runs it, and makes its parts on ports that are not opened.
+// Loads a configuration as the systemd unit would, and makes its parts on ports that are not opened.
 Config load_run(const RackRun& run) {
   if (record_transport_of(run.file) != nullptr)
     throw ConfigError(

@@ -1,4 +1,4 @@
-// RackCheck: the configurations of a rack, and what is wrong with them together.
+// RackCheck: reads the configurations of a rack, and finds the faults of each and of all together.
 #pragma once
 
 #include <string>
@@ -16,8 +16,8 @@ struct LoadedRun {
   Config config;
 };
 
-// The configurations of all runs of `rack`, which must outlive them, in its order. Throws ConfigError with every
-// fault of them. Adds warnings: each describes what is possible, but probably not meant.
+// Returns the configurations of all runs in the order of the rack. `rack` must outlive the result. Throws ConfigError
+// with every fault. Adds warnings about settings that are possible, but probably not meant.
 std::vector<LoadedRun> load_rack(const Rack& rack, std::vector<std::string>& warnings);
 
 // Reads a rack with its configurations, and prints what would run where. Returns 0. Throws ConfigError.

@@ -10,10 +10,11 @@ namespace imud {
 
 class RackCommands {
  public:
-  // Adds the command to the command line, which outlives this, and if it is given, the commands below it.
+  // Adds the command `rack` to `app`, which must outlive this. `is_given`: the command line has this command; only
+  // then its subcommands are added.
   RackCommands(CLI::App& app, bool is_given);
-  // Executes the command that was given, and returns its exit code; nullopt: another one was given. Throws
-  // ConfigError if the rack or one of its configurations is wrong.
+  // Executes the subcommand of the command line. Returns its exit code; nullopt if the command line has another
+  // command. Throws ConfigError if the rack or one of its configurations is wrong.
   std::optional<int> execute() const;
 
  private:

@@ -16,7 +16,7 @@
 namespace imud {
 namespace {
 
-// Returns the address of a port of UDP; nullopt if the text is not that.
+// Returns the address of a UDP port; nullopt for any other port.
 std::optional<SocketAddress> udp_address(const std::string& port) {
   if (!udp_port(port) || transport_of(port)->ends) return std::nullopt;
   try {
@@ -54,7 +54,7 @@ const toml::node* value_at(const toml::table& table, std::string_view path) {
 }  // namespace
 
 RackConflicts::Place RackConflicts::place(std::string key) const {
-  // The nearest table around a key that is absent.
+  // If the key is absent, takes the line of the nearest table around it.
   for (std::string path = key; !path.empty(); path.resize(path.find('.') == path.npos ? 0 : path.rfind('.')))
     if (const toml::node* node = value_at(*text_, path)) return {run_, std::move(key), node->source().begin.line};
   return {run_, std::move(key), 0};
@@ -81,13 +81,14 @@ void RackConflicts::warn(const std::string& key, std::string_view what) {
   warnings_.push_back(one.warnings().front());
 }
 
-// Adds a fault if another run has this resource, which only one run of a host, or of the rack, may have.
+// Adds a fault if another run has claimed this resource. Only one run of a host may have it or, if `is_of_rack`, only
+// one run of the rack.
 void RackConflicts::claim(const std::string& key, const std::string& resource, std::string_view what,
                           bool is_of_rack) {
   const std::string owner = is_of_rack ? std::string() : run_->host->name;
   const auto [at, is_new] = claimed_.emplace(fmt::format("{}\n{}", owner, resource), place(key));
   const Place& other = at->second;
-  if (is_new || other.run == run_) return;  // of one run load_config() says it
+  if (is_new || other.run == run_) return;  // load_config() reports conflicts within one run
   fault(key, fmt::format("{}, which {} has, too; give another", what,
                          told(*other.run->host, *other.run->run, other.line, other.key)));
 }
@@ -118,7 +119,7 @@ void RackConflicts::listen_tcp(const std::string& key, const std::string& addres
     listen({place(key), true, parsed->address, parsed->port});
 }
 
-// systemd starts imud in another folder than a shell does.
+// Warns if a port has a relative path: systemd starts imud in another folder than a shell does.
 void RackConflicts::check_path(const std::string& key, const std::string& port) {
   const Transport* transport = transport_of(port);
   if (transport == nullptr || !transport->has_path) return;
@@ -155,8 +156,8 @@ void RackConflicts::add_imu(const ImuConfig& imu, std::size_t index) {
 void RackConflicts::add_identifiers(const std::string& key, const ImuConfig& imu) {
   const Transport* transport = transport_of(imu.port);
   if (transport == nullptr || !transport->is_shared) return;
-  // A bus whose port may name a network interface is made of datagrams, and all hosts of the network have it. An
-  // interface of CAN with the same name on two hosts may be two buses.
+  // If the port has the option `interface`, the bus consists of datagrams and spans all hosts of the network. CAN
+  // interfaces of one name on two hosts may be two buses.
   const bool is_of_network =
       std::ranges::any_of(transport->options, [](const PortOption& option) { return option.key == "interface"; });
   const std::string bus = imu.port.substr(0, imu.port.find('?'));

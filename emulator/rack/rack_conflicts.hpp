@@ -1,4 +1,5 @@
-// RackConflicts: what the configurations of a rack have in common and must not, or have not in common and must.
+// RackConflicts: finds resources that two runs of a rack use and must not share, and settings that must be equal in
+// all runs and differ.
 #pragma once
 
 #include <toml++/toml.h>
@@ -20,7 +21,8 @@ class RackConflicts {
   // `warnings` gets a text for each warning.
   RackConflicts(const Rack& rack, std::vector<std::string>& warnings) : rack_(rack), warnings_(warnings) {}
 
-  // Compares a run with those before it. `text`: its configuration, whose lines the faults name.
+  // Compares a run with the runs that were added before. `text`: the run's configuration, to whose lines faults
+  // refer.
   void add(const LoadedRun& run, const toml::table& text);
   const std::vector<std::string>& faults() const noexcept { return faults_; }
 
@@ -55,7 +57,7 @@ class RackConflicts {
   const Rack& rack_;
   std::vector<std::string>& warnings_;
   std::vector<std::string> faults_;
-  const LoadedRun* run_ = nullptr;  // that add() adds, with its text
+  const LoadedRun* run_ = nullptr;  // the run that add() compares, and its text
   const toml::table* text_ = nullptr;
   const LoadedRun* first_ = nullptr;                                 // with which the others are compared
   std::map<std::string, Place> claimed_;                             // by host, or for all hosts, and resource

@@ -5,8 +5,9 @@
 
 namespace imud {
 
-// Returns a text for each difference of the hosts in `hosts`, as rack_status() has them: of versions, of the offset
-// of TAI, and of the instants at which the samples began; and for each clock that is not synchronised, or was set.
+// Returns a text for each difference between the hosts: versions, epochs, the offset of TAI, and the instants at
+// which the samples began; and a text for each clock that is not synchronised, or was set. `hosts`: the member
+// `hosts` of rack_status().
 Json differences(const Json& hosts);
 
 }  // namespace imud

@@ -20,7 +20,7 @@ struct RackRun {
 };
 
 struct RackHost {
-  // The manager that starts the runs, and the folder of their configurations.
+  // The service manager that starts the runs, and the folder of the configurations on the host.
   enum class Service : std::uint8_t {
     system,  // systemctl, /etc/imud
     user,    // systemctl --user, ~/.config/imud

@@ -18,7 +18,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// Asks the hosts in a thread of its own, so that one that does not answer delays no page. Any thread may call text().
+// Asks the hosts in its own thread, so that a host which does not answer delays no page. Any thread may call text().
 class RackWatch {
  public:
   explicit RackWatch(const Rack& rack) : rack_(rack), thread_([this] { watch(); }) {}
@@ -33,7 +33,7 @@ class RackWatch {
   RackWatch(const RackWatch&) = delete;
   RackWatch& operator=(const RackWatch&) = delete;
 
-  // Returns the newest status as JSON, with its age in seconds; before the first one null.
+  // Returns the newest status as JSON, with its age in seconds; null before the first status.
   std::string text() {
     const std::lock_guard lock(mutex_);
     wanted_ = host_now();
@@ -44,8 +44,8 @@ class RackWatch {
   }
 
  private:
-  static constexpr Nanoseconds pause = 2s;     // between two questions
-  static constexpr Nanoseconds is_seen = 10s;  // after a page has read the status
+  static constexpr Nanoseconds pause = 2s;     // from an answer to the next question
+  static constexpr Nanoseconds is_seen = 10s;  // the hosts are asked for this time after a page has read the status
 
   void watch() {
     std::unique_lock lock(mutex_);

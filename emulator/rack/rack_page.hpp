@@ -1,4 +1,5 @@
-// RackPage: a page that shows a rack, whose hosts it asks again and again while somebody looks at it.
+// RackPage: a web page that shows a rack. The program asks the hosts for their status as long as the page is open in
+// a browser.
 #pragma once
 
 #include <span>

@@ -28,7 +28,7 @@ namespace {
 
 constexpr int failed = 1, incomplete = 3;
 
-// A file without a name, which ends with this process.
+// A file without a name, which the system removes when this process ends.
 class CopyOfRecord {
  public:
   // Throws std::runtime_error.
@@ -41,7 +41,7 @@ class CopyOfRecord {
   void write(std::string_view bytes) noexcept {
     if (error_ == 0) error_ = write_whole(file_.get(), std::as_bytes(std::span(bytes)));
   }
-  int error() const noexcept { return error_; }  // errno of the write that has failed
+  int error() const noexcept { return error_; }  // errno of the first write that has failed; 0: none has
   std::string path() const { return fmt::format("/proc/self/fd/{}", file_.get()); }
 
  private:
@@ -54,7 +54,7 @@ struct RecordOfRun {
   const RackHost* host = nullptr;
   const RackRun* run = nullptr;
   UnitRecord record;
-  std::string fault;  // why there is none
+  std::string fault;  // the reason why there is no whole record; empty if there is
   std::unique_ptr<CopyOfRecord> copy;
 };
 
@@ -84,7 +84,7 @@ std::vector<RecordOfRun> find_records(const Rack& rack) {
   return runs;
 }
 
-// Prints the record. Its path begins at the folder in which systemd starts the run.
+// Returns a script that prints the record. A relative path begins at the folder in which systemd starts the run.
 std::string reading_script(const RackHost& host, const UnitRecord& record) {
   std::string script = host.service == RackHost::Service::system ? "cd /\n" : "cd \"$HOME\"\n";
   if (!record.is_split) return script + "exec cat -- " + shell_word(record.file) + "\n";

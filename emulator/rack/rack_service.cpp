@@ -20,17 +20,19 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// systemd ends the start and the stop of a unit after 90 s (DefaultTimeoutStartSec); the rest is for its answer.
+// systemd aborts the start or the stop of a unit after 90 s (DefaultTimeoutStartSec). The other 5 s are for its
+// answer.
 constexpr Nanoseconds longest_job = 95s;
 
-// The begin of a script: the folder of the configurations.
+// Returns the begin of a script, which sets $folder to the folder of the configurations.
 std::string folder_script(const RackHost& host) {
   std::string script = host.service == RackHost::Service::system ? "folder=/etc/imud\n"
                                                                  : "folder=${XDG_CONFIG_HOME:-$HOME/.config}/imud\n";
   return script + "umask 022\nmkdir -p \"$folder\" || exit 1\n";
 }
 
-// Writes a configuration beside its place, with the mode and the owner of the present one: "$new", "$file".
+// Returns a script that writes a configuration to a new file $new, beside the file $file that it shall replace, and
+// with the mode and the owner of $file.
 std::string write_script(const RackRun& run, const std::string& content) {
   const std::string name = shell_word(run.name);
   return fmt::format(
@@ -39,7 +41,7 @@ std::string write_script(const RackRun& run, const std::string& content) {
       name, shell_word(content));
 }
 
-// Checks what can be known before anything is changed.
+// Returns a script that checks a host without changing anything.
 std::string preparation(const RackHost& host, const std::vector<std::string>& contents) {
   std::string script = section("version") + "imud --version || exit 1\n" + folder_script(host);
   for (std::size_t i = 0; i < host.runs.size(); ++i) {
@@ -77,13 +79,13 @@ std::string start_script(const RackHost& host, const std::vector<std::string>& c
 
 std::string stop_script(const RackHost& host) {
   std::string script = section("systemctl") + systemctl(host) + " stop" + units_of(host) + " 2>&1\n";
-  for (const RackRun& run : host.runs)  // without an answer of systemd, nothing is known
+  for (const RackRun& run : host.runs)  // no section if systemd does not answer: the run may not have stopped
     script += fmt::format("case $({} is-active {}) in inactive | failed)\n{};;\nesac\n", systemctl(host),
                           shell_word(run.text()), section("stopped " + run.name));
   return script;
 }
 
-// Puts the file on this machine in place of the copy that the host has checked.
+// Replaces the path of the copy that the host has checked by the path of the file on this machine.
 std::string with_local_name(std::string text, const RackRun& run) {
   const std::string copy = fmt::format(".{}.rack.toml", run.name);
   for (std::size_t at = 0; (at = text.find(copy)) != text.npos;) {
@@ -136,8 +138,8 @@ std::string objections(const Rack& rack, const std::vector<HostAnswer>& answers)
   return all;
 }
 
-// Returns a line for each host, of the runs of which its answer has the section WORD NAME. `is_whole` becomes false
-// if one lacks it.
+// Returns a line for each host with the runs for which its answer has the section "WORD NAME". Sets `is_whole` to
+// false if a run lacks this section.
 std::string report(const Rack& rack, const std::vector<HostAnswer>& answers, std::string_view word, bool& is_whole) {
   std::string text;
   for (std::size_t i = 0; i < rack.hosts.size(); ++i) {

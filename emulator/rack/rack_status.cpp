@@ -25,7 +25,7 @@ std::string status_script(const RackHost& host) {
 
 double number_in(const Json& object, const char* key) { return object.value(key, 0.0); }
 
-// Returns the members of an imu that people look at, from the answers of its run.
+// Returns the members of an imu that are shown, from the answers of its run.
 Json imu_figures(const Json& imu, const Json& counters) {
   static const Json none = Json::object(), empty = Json::array();
   const std::string name = imu.value("name", "?");
@@ -47,7 +47,7 @@ Json imu_figures(const Json& imu, const Json& counters) {
   return json;
 }
 
-// Returns the members of a clock that are looked at, each with its type; null without one.
+// Returns the members of a clock that are shown, with checked types; null if there is no clock.
 Json clock_figures(const Json& clock) {
   if (!clock.is_object()) return {};
   Json json = {{"epoch", clock.value("epoch", "?")}, {"steps", clock.value("steps", std::uint64_t{0})}};
@@ -57,7 +57,7 @@ Json clock_figures(const Json& clock) {
   return json;
 }
 
-// Returns the members of a run that runs. Throws Json::exception if the answer has other types.
+// Returns the shown members of a running run. Throws Json::exception if a member of the answer has the wrong type.
 Json run_figures(const Json& answer) {
   static const Json none = Json::object(), empty = Json::array();
   const Json& counters = answer.contains("counters") ? answer["counters"] : none;
@@ -74,7 +74,7 @@ Json run_figures(const Json& answer) {
   return json;
 }
 
-// Returns what is known of a run that does not answer.
+// Returns a text about a run that does not answer, by the state of its unit.
 std::string why_not(std::string_view state, const std::string& unit) {
   if (state == "killed") return "was killed";
   if (state == "silent") return "does not answer: its process is stopped or too busy, or ends";

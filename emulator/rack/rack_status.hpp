@@ -1,4 +1,4 @@
-// RackStatus: what the runs of a rack do, asked of all hosts at the same time.
+// RackStatus: the status of all runs of a rack. All hosts are asked at the same time.
 #pragma once
 
 #include <atomic>
@@ -11,10 +11,10 @@
 
 namespace imud {
 
-// Asks the hosts. Returns `rack`, `good` (all runs run), `hosts` with their `runs`, and `remarks`: what differs
-// between them.
+// Asks the hosts. Returns an object with `rack`, `good` (all runs run), `hosts` with their `runs`, and `remarks`
+// (differences()).
 Json rack_status(const Rack& rack, const std::atomic<bool>& stop);
-// The same from the answers of the hosts.
+// Returns the same object from given answers of the hosts.
 Json rack_status_of(const Rack& rack, const std::vector<HostAnswer>& answers);
 
 // Returns the status for people.
