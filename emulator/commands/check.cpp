@@ -33,7 +33,7 @@ void make_parts(const Config& config, const CheckOptions& options) {
   Assembly(config, no_ports);
 }
 
-// Describes the imu's model, after a colon.
+// Returns a colon and a text about the imu's model; empty if there is nothing to say.
 std::string model_note(const ImuConfig& imu) {
   if (const Preset* preset = find_preset(imu.errors_model)) {
     const std::vector<Preset::Figure> figures = preset->figures();
@@ -59,7 +59,7 @@ std::string delay_text(const TruthConfig& truth) {
       1e3 * seconds(truth.clock.delay));
 }
 
-// Describes the present state of the clock on which the grids of samples are; empty if the grids are on no clock.
+// Returns a text about the grid of the samples and the present state of the grid's clock; empty if there is no clock.
 std::string epoch_text(const Config& config) {
   ClockFigures clock;
   clock.epoch = epoch_of(config);

@@ -24,9 +24,10 @@ struct CheckOptions {
   bool repeats = false;                    // the capture is a record, whose run is repeated
 };
 
-// Loads a configuration as `imud run` does, and makes all of its parts on ports that are not opened. Reads the begin
-// of a capture (check_capture()). Prints a description of the run, or the value of every key. Returns the exit code.
-// Throws ConfigError, PortError, or RequirementError, unless the layout is json.
+// Loads a configuration as `imud run` does, and makes all parts of the run on ports that are not opened. If the truth
+// is a capture, reads the begin of the capture (check_capture()). Prints the result in `options.layout`. Returns the
+// exit code. With the layout json, faults are printed; otherwise ConfigError, PortError or RequirementError is
+// thrown.
 int check(const std::string& path, std::span<const std::string> overrides, const CheckOptions& options);
 
 }  // namespace imud

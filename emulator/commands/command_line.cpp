@@ -91,7 +91,7 @@ int replay(const Arguments& arguments) {
   return has_workers ? replay_seeds(config, options, arguments.seeds) : run(config, options);
 }
 
-// Prints a fault; if too many files are open, also prints how to permit more.
+// Prints a fault. If the cause is too many open files, also prints how to permit more.
 void print_fault(std::string_view text) {
   fmt::print(stderr, "{}\n", text);
   rlimit files{};

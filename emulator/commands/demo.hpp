@@ -16,9 +16,10 @@ struct DemoOptions {
 // Adds the command with its options to the command line.
 const CLI::App* add_demo_command(CLI::App& app, DemoOptions& options);
 
-// Runs this program and imu-decode, which is beside it, and prints a row each half second, then the reports of both.
-// The flight and the configuration are in the installation, or in the source tree around the build. Returns
-// the exit code: 1 if one of the programs has failed. Throws OpenError if a file is missing.
+// Runs this program and imu-decode, which must be in the same folder. Prints a row of measurements each half second,
+// then the reports of both programs. The flight and the configuration are in the installation, or in the source tree
+// around the build. Returns the exit code: 1 if one of the programs has failed. Throws OpenError if a file is
+// missing.
 int demo(const DemoOptions& options);
 
 }  // namespace imud

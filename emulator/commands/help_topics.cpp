@@ -23,7 +23,7 @@
 namespace imud {
 namespace {
 
-// A line of the result, and the words that were searched.
+// A name that can be found, and the words about it that are searched as well.
 struct Found {
   std::string name, words;
 };
@@ -39,7 +39,7 @@ std::string beginning(const std::string& text) {
   return text.substr(0, text.rfind(' ', most)) + " ...";
 }
 
-// Prints the entries of `all` that have the topic, under a title. Returns how many there are.
+// Prints the entries of `all` that contain the topic, under a title. Returns the number of these entries.
 std::size_t print_found(std::string_view title, const std::vector<Found>& all, const std::string& topic) {
   std::size_t count = 0;
   for (const Found& found : all) {

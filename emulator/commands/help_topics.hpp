@@ -9,9 +9,9 @@ class App;
 
 namespace imud {
 
-// Prints the rows of the reference for a key, the entry of a name that `imud list` shows, or else all keys,
-// options, commands and names that contain the word. Requires a `topic` that is no command. Returns the exit code:
-// 2 if there is nothing, with the nearest names.
+// Prints the rows of the reference if `topic` is a key, or the entry if it is a name that `imud list` shows;
+// otherwise all keys, options, commands and names that contain the word. Requires a `topic` that is no command.
+// Returns the exit code: 2 if nothing is found; then prints the nearest names.
 int help_topic(const CLI::App& app, const std::string& topic);
 
 }  // namespace imud

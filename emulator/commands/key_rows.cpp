@@ -45,13 +45,13 @@ std::string plain(std::string text) {
   return text;
 }
 
-// The tables below a heading, such as "imu.gyro.", and the protocol that it names.
+// The tables and the protocol that the headings above a row name, such as "imu.gyro.".
 struct Place {
   std::vector<std::string> tables;
   std::string protocol;
 };
 
-// Sets the place to the place of a heading.
+// Updates the place by the next heading.
 void enter(Place& place, const std::string& heading) {
   const std::vector<std::string> names = in_code(heading);
   place.protocol.clear();
@@ -71,7 +71,8 @@ void enter(Place& place, const std::string& heading) {
   }
 }
 
-// Returns the full names of a row's keys: a key that begins with a sensor stands in that sensor's table.
+// Returns the full names of the keys in a row's first cell. A key that begins with the name of a sensor belongs to
+// the table of this sensor.
 std::vector<std::string> keys_of(const std::string& cell, const Place& place) {
   static const std::regex key("[a-z_0-9.A-Z]+");
   std::vector<std::string> all;

@@ -1,4 +1,4 @@
-// The rows of the reference: one for each configuration key, or for keys that mean the same.
+// The rows of the reference. A row describes a configuration key, or several keys with the same meaning.
 #pragma once
 
 #include <span>
@@ -9,7 +9,8 @@
 
 namespace imud {
 
-// A page of the reference in Markdown, which CMake builds in: emulator/CONFIGURATION.md, emulator/faults/README.md.
+// A page of the reference in Markdown, which CMake builds into the program: emulator/CONFIGURATION.md and
+// emulator/faults/README.md.
 struct ReferencePage {
   std::string_view name;
   std::string_view text;
@@ -22,10 +23,11 @@ struct KeyRow {
   std::vector<std::pair<std::string, std::string>> cells;  // title and text of the other columns, such as "default"
 };
 
-// Returns the rows of all pages, in their order.
+// Returns the rows of all pages in the order of the pages.
 std::vector<KeyRow> key_rows();
 
-// Returns the key without the number or the name of an imu: imu.gyro.x for imu.0.gyro.x and imu.NAME.gyro.x.
+// Returns the key without the number or the name of an imu: imu.gyro.x for imu.0.gyro.x and imu.NAME.gyro.x. `rows`:
+// key_rows().
 std::string without_imu(const std::string& key, const std::vector<KeyRow>& rows);
 
 }  // namespace imud

@@ -41,7 +41,7 @@ Json described(std::span<const Setting> settings) {
   return all;
 }
 
-// Returns the default `model` of the initial settings, then the default of each unit that a setting chooses.
+// Returns the default `model` for the initial settings, then the default for each choice of the setting `model`.
 Json default_models(const Protocol& protocol) {
   Settings settings(protocol.settings);
   std::vector<std::string> models = {std::string(default_model(protocol, settings))};
@@ -128,7 +128,8 @@ Json described(const FaultKind& kind) {
   return json;
 }
 
-// The parameters of a CRC are texts in hexadecimal, as catalogues have them; other checks have their size alone.
+// Returns the description of a check. The parameters of a CRC are texts in hexadecimal, as in catalogues; any other
+// check has its size only.
 Json described_check(const std::string& name) {
   Json json = {{"kind", "check"}, {"name", name}};
   const CrcAlgorithm* crc = find_crc(name);

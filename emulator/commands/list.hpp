@@ -5,8 +5,8 @@
 
 namespace imud {
 
-// Prints all entries, a line each, or the settings, options and columns of the entries called `name`. With `json`
-// the same as JSON. Returns the exit code: 2 if there is no such entry.
+// Prints a line for each entry or, if `name` is not empty, the settings, options and columns of the entries of this
+// name. If `json`, prints the same as JSON. Returns the exit code: 2 if there is no such entry.
 int list(const std::string& name, bool json);
 
 }  // namespace imud

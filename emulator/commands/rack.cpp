@@ -41,7 +41,7 @@ Config rack_of(const RealtimeConfig& realtime, std::size_t count, double rate_hz
   return config;
 }
 
-// Reads all ptys, in place of as many hosts.
+// Starts a thread that reads all ptys, in place of the sensors' hosts.
 std::jthread readers(const Config& config) {
   std::vector<std::unique_ptr<Port>> ports;
   for (const ImuConfig& imu : config.imus) ports.push_back(open_port(imu.port, Role::listener));

@@ -1,4 +1,4 @@
-// measure_rack(): many sensors on one thread of this machine, by the loop itself.
+// measure_rack(): measures many sensors on one thread of this machine, in the loop of a real run.
 #pragma once
 
 #include <cstddef>
@@ -14,8 +14,9 @@ struct RackFigures {
   std::uint64_t samples = 0;
 };
 
-// Runs `count` sensors at rest for `duration_s`, with native frames at `rate_hz`, at equal distances within a period,
-// each on a pty of its own in `folder`, which a thread reads. The thread is set up by `realtime`. Throws PortError.
+// Runs `count` sensors at rest for `duration_s`, with native frames at `rate_hz`. Their instants are equally spaced
+// within a period. Each sensor has its own pty in `folder`; another thread reads all ptys. The sampling thread is set
+// up by `realtime`. Throws PortError.
 RackFigures measure_rack(const RealtimeConfig& realtime, std::size_t count, double rate_hz, double duration_s,
                          const std::string& folder);
 

@@ -67,8 +67,8 @@ class Bench {
   Bench(const Bench&) = delete;
   Bench& operator=(const Bench&) = delete;
 
-  // Opens the port, or a private copy of it if its transport has one.
   const std::string& folder() const noexcept { return folder_; }
+  // Opens the port, or a private copy of the port if the transport has private copies.
   std::unique_ptr<Port> open(const std::string& port, const PortSettings& settings) {
     const PortSpec spec = PortSpec::parse(port);
     const Transport* transport = find_transport(spec.scheme);

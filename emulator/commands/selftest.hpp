@@ -9,13 +9,14 @@ struct SelftestOptions {
   double measure_s = 2;  // duration of each measurement, above 0
 };
 
-// Prints the lateness of a bare loop at the fastest imu's rate, the duration of writes to each imu's port, the
-// lateness of many sensors (measure_rack()), the lateness, the rate and the number of sensors that follow, and
-// advice. A port whose transport has a private copy (Transport::has_private_copy) is measured on one; to any other
-// port frames are sent. Only `realtime` and `imus` of `config` are used. Throws PortError.
+// Measures and prints: the lateness of a bare loop at the fastest imu's rate; the duration of writes to each imu's
+// port; the lateness of many sensors (measure_rack()). Then prints the lateness, the rate and the number of sensors
+// that can be expected, and advice. If the transport of a port has private copies (Transport::has_private_copy), such
+// a copy is measured; otherwise frames are sent to the port itself. Only `realtime` and `imus` of `config` are used.
+// Throws PortError.
 int selftest_timing(const Config& config, const SelftestOptions& options);
 
-// Returns the configuration that is measured by default: one imu at 1 kHz on a pty.
+// Returns the default configuration for the measurement: one imu at 1 kHz on a pty.
 Config selftest_config();
 
 }  // namespace imud
