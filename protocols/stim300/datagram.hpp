@@ -26,7 +26,7 @@ static_assert(identifier(0b0111, false) == 0xA7 && identifier(0b1111, true) == 0
 // Returns the CRC-32 of a datagram's fields, padded with zeros to a multiple of 4 bytes (section 5.5.7).
 std::uint32_t crc_of(std::span<const std::byte> bytes) noexcept;
 
-// Returns the size in bytes of a datagram with that identifier, without CR LF; 0 if there is none.
+// Returns the size in bytes, without CR LF, of a datagram with this identifier; 0 if no datagram has it.
 std::size_t datagram_size_of(unsigned id) noexcept;
 // FrameSeal::reseal().
 std::span<std::byte> reseal(std::span<std::byte> datagram, const CanHeader&) noexcept;
@@ -38,7 +38,7 @@ class Datagram {
   void put(std::uint64_t number, unsigned bytes) noexcept { frame_.put_low_bytes(number, bytes); }
   void put_number(double number, unsigned bytes) noexcept { frame_.put_rounded(number, bytes); }
   void put_halves(unsigned high, unsigned low) noexcept { put(high << 4 | low, 1); }
-  // Appends the CRC, and CR LF if wanted; completes the frame. Returns the number of characters of the datagram.
+  // Appends the CRC, and CR LF if `cr_lf`; completes the frame. Returns the number of characters of the datagram.
   std::size_t finish(bool cr_lf) noexcept {
     put(crc_of(frame_.written()), 4);
     if (cr_lf) put(0x0D0A, 2);
@@ -50,17 +50,17 @@ class Datagram {
   FrameWriter<boost::endian::order::big> frame_;
 };
 
-// The special datagrams, in the order in which Init Mode sends them (section 7.5.1); each is a bit.
+// The special datagrams, each as a bit of a set, in the order in which Init Mode sends them (section 7.5.1).
 enum Special : unsigned { of_part = 1, of_serial = 2, of_configuration = 4, of_trim = 8, of_errors = 16 };
-// Writes a special datagram and returns its number of characters. Writing of_errors clears the errors.
+// Writes a special datagram and returns its number of characters. The datagram of_errors clears the errors.
 std::size_t write_special(Special special, Memory& memory, FrameBuffer& out) noexcept;
 
 // Writes a Normal Mode datagram and returns its number of characters.
 std::size_t write_measurement(const std::array<Axes, 3>& axes, const Reading& reading, Memory& memory,
                               FrameBuffer& out) noexcept;
 
-// Decodes every datagram. Units and range are taken from `configuration` until a configuration datagram is received.
-// No other datagram carries them.
+// Returns a decoder of all datagrams. The decoder uses the units and the range of `configuration` until it receives a
+// configuration datagram. No other datagram states units and range.
 std::unique_ptr<Decoder> make_decoder(const Configuration& configuration);
 
 }  // namespace imud::stim300

@@ -40,7 +40,8 @@ class DatagramDecoder final : public FrameDecoder<longest_datagram> {
       return Search::reject;
     }
     const bool special = size == 20 || size == 26 || size == 40 || size == 21;
-    // Special datagrams show by their identifier whether CR LF follows; all others are as the last special datagram.
+    // The identifier of a special datagram tells whether CR LF follows. Other datagrams end like the last special
+    // one.
     if (special) c_.cr_lf = id == 0xB3 || id == 0xB7 || id == 0xBD || id == 0xD2 || id == 0xBF;
     if (c_.cr_lf && held.size() < size + 2) return Search::need_more;
     if (size == 26) set_units(held);

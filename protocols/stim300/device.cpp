@@ -15,8 +15,9 @@
 // | 4      | CRC-32: polynomial 0x04C11DB7, initial value 0xFFFFFFFF; see crc_of()                  |
 // | [2]    | CR LF                                                                                  |
 //
-// Where the datasheet is silent, the device does as captures of real units show: rates saturate at 480 deg/s, with
-// the overload bit (UBC-Rocket, Whistler-Blackcomb-v2 d438366), the latency is 506 us (geirhovland/stim300, README).
+// Where the datasheet has no information, the device behaves as captures of real units show: rates saturate at
+// 480 deg/s, with the overload bit (UBC-Rocket, Whistler-Blackcomb-v2 d438366), and the latency is 506 us
+// (geirhovland/stim300, README).
 //
 // A frame is sent at the instant of its sample. A real unit needs another 0.5 ms for compensation (figure 7-4). The
 // reported times are as in a real unit: the TOV pulse begins, and the time since PPS is measured, one latency after
@@ -24,11 +25,11 @@
 // 0.3 ms after the sample was digitized (figure 7-3). The latency is the time from that sample to the edge (section
 // 7.2). The frame is sent at the next sample. With the PPS unit "filtered", the level is as for an open input.
 //
-// The low-pass filters are of second order, from the cut-off alone; the group delays of a real unit (Tables 5-3 to
-// 5-9) belong to its own filters. The inclinometers have the filter of the accelerometers.
+// The low-pass filters are of second order, and designed by the cut-off frequency alone. Their group delays therefore
+// differ from the datasheet's (Tables 5-3 to 5-9). The inclinometers have the filter of the accelerometers.
 //
-// One setting is stored and reported, but has no effect: the gyros' units "delayed", by which a unit delays the gyros
-// by 4 ms to align them with the accelerometers (section 7.5.2.2.1), as here both are aligned already.
+// One setting is stored and reported, but has no effect: the gyros' units "delayed". A real unit then delays the
+// gyros by 4 ms to align them with the accelerometers (section 7.5.2.2.1). Here both are aligned already.
 //
 // The g-compensation (section 7.5.2.2.6) subtracts the bias that the calibration of the gyros predicts for the
 // acceleration that the accelerometers or inclinometers have measured, with their own errors and ranges. The
@@ -59,9 +60,9 @@ constexpr Nanoseconds to_first_datagram = std::chrono::milliseconds(100), to_val
 constexpr Nanoseconds compensation = std::chrono::microseconds(300);  // read off figure 7-3
 constexpr Nanoseconds internal_step = std::chrono::microseconds(500);
 
-// sample() and poll() begin with advance(), so that it makes no difference whether a deadline at the time of a sample
-// is polled first. The unit acts on its own only at the instants of its internal samples, which are multiples of 0.5
-// ms from the newest sample, or from power-on if there was none.
+// sample() and poll() begin with advance(). Therefore it makes no difference whether a deadline at the time of a
+// sample is polled before this sample. The unit acts on its own only at the instants of its internal samples:
+// multiples of 0.5 ms after the newest sample, or after power-on if there was no sample.
 class Stim300Device final : public Device {
  public:
   Stim300Device(const Configuration& configuration, bool starts_up) noexcept : starts_up_(starts_up) {
@@ -212,7 +213,7 @@ class Stim300Device final : public Device {
     if (service_.exit() == Service::Exit::to_init) reset(next_instant(now));
   }
 
-  // Returns true if Init Mode has sent all its special datagrams, and none of them at this very instant.
+  // Returns true if Init Mode has sent all its special datagrams before `now`.
   bool is_running(DeviceTime now) const noexcept {
     return starting_ == 0 && (!special_sent_ || now > *special_sent_);
   }
@@ -260,7 +261,7 @@ class Stim300Device final : public Device {
     memory_.errors = {};
   }
 
-  // Section 7.5.1. In modes other than Normal Mode the special datagrams wait.
+  // Sends the next special datagram of Init Mode when it is due (section 7.5.1). Except in Normal Mode, it waits.
   void start_up(DeviceTime now, FrameBuffer& out) noexcept {
     if (mode_ != Mode::normal || starting_ == 0 || now < special_at_) return;
     const DeviceTime validity = now + own_latency;
@@ -291,8 +292,8 @@ class Stim300Device final : public Device {
     raw_.reset();
   }
 
-  // Measurement continues in every mode; a measurement that is not sent in its slot is lost. `validity` is the time
-  // of the sample plus `latency`.
+  // Sends a measurement or the requested special datagram. The unit measures in every mode, but outside Normal Mode
+  // the measurement is lost. `validity`: the time of the sample plus `latency`.
   void transmit(DeviceTime validity, Nanoseconds latency, FrameBuffer& out) noexcept {
     if (mode_ == Mode::normal) send(validity, latency, out);
     measured_.begin_sums();
@@ -316,8 +317,8 @@ class Stim300Device final : public Device {
     if (toggles_tov) pulse_ = {validity, validity + nanoseconds(80e-6 + on_line)};
   }
 
-  // Returns the content of the PPS or AUX field. AUX: 0 V. Filtered PPS: 1, the level of the pull-up. Otherwise the
-  // time since the last edge in us (section 7.4.1), or the largest time if there was no edge.
+  // Returns the content of the PPS or AUX field. AUX is 0 V. A filtered PPS is 1, the level of the pull-up. Otherwise
+  // the field is the time since the last edge, us (section 7.4.1), or the largest time if there was no edge.
   std::uint32_t pps_at(DeviceTime instant) const noexcept {
     if (memory_.active.has_aux) return 0;
     if (!memory_.active.pps_is_time()) return 1U << 22;
@@ -340,12 +341,12 @@ class Stim300Device final : public Device {
   Memory memory_;
   Mode mode_ = Mode::normal;
   Service service_;
-  unsigned starting_ = 0;   // Specials that Init Mode still has to send (section 7.5.1)
-  unsigned requested_ = 0;  // the Special that takes the place of the next measurement, or none (section 8)
-  DeviceTime grid_;         // time of the newest internal sample
-  DeviceTime special_at_;   // time at which the next of `starting_` is sent
-  DeviceTime slot_;         // time at which `requested_` is sent, if there is no sample before
-  DeviceTime busy_until_;   // until when the UART is sending
+  unsigned starting_ = 0;                   // Specials that Init Mode still has to send (section 7.5.1)
+  unsigned requested_ = 0;                  // the Special that replaces the next measurement (section 8); 0: none
+  DeviceTime grid_;                         // time of the newest internal sample
+  DeviceTime special_at_;                   // time at which the next of `starting_` is sent
+  DeviceTime slot_;                         // time at which `requested_` is sent, if there is no sample before
+  DeviceTime busy_until_;                   // until when the UART is sending
   std::optional<DeviceTime> valid_at_;      // end of the status "start-up"; nullopt: it has ended
   std::optional<DeviceTime> special_sent_;  // the newest special datagram that was sent without a sample
   std::optional<Sample> raw_;               // with an external trigger the newest sample, until it is compensated

@@ -9,7 +9,8 @@
 
 namespace imud::stim300 {
 
-// Section 7.5.2.2.6. The low-pass filter of a source is taken to be of first order, and begins at its first input.
+// Section 7.5.2.2.6. The low-pass filter of a source is assumed to be of first order, and starts with its first
+// input.
 Vector3 Measured::g_compensation(const Configuration& c, const Matrix3& g_sensitivity,
                                  const std::array<Vector3, 2>& sources) noexcept {
   const auto& axes = c.g_compensation;

@@ -11,10 +11,10 @@ namespace imud::stim300 {
 
 class Measured {
  public:
-  // Adds a sample, with the g-compensation that is configured and the bias trim offsets; records overloads in the
-  // errors of `memory`. `g_sensitivity`: the gyros', as the unit knows it, rad/s/(m/s^2).
+  // Adds a sample, with the configured g-compensation and the bias trim offsets; records overloads in the errors of
+  // `memory`. `g_sensitivity`: of the gyros, rad/s/(m/s^2), as the unit's calibration has it.
   void add(const Sample& sample, bool is_starting, const Matrix3& g_sensitivity, Memory& memory) noexcept;
-  // Restarts the sums, after a transmission.
+  // Restarts the sums. Call this after a transmission.
   void begin_sums() noexcept {
     for (Axes& axes : axes_) axes.begin();
   }
@@ -32,7 +32,8 @@ class Measured {
   }
 
  private:
-  // Returns the bias of each gyro, rad/s, that is subtracted. Sources, g: the accelerometers, then the inclinometers.
+  // Returns the bias to subtract from each gyro, rad/s. `sources`: g; measured by the accelerometers, and by the
+  // inclinometers.
   Vector3 g_compensation(const Configuration& c, const Matrix3& g_sensitivity,
                          const std::array<Vector3, 2>& sources) noexcept;
 

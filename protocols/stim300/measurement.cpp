@@ -7,8 +7,9 @@
 
 namespace imud::stim300 {
 
-// ISA-L multiplies polynomials by the processor's own instructions; table lookup (Boost.CRC) takes more than twice as
-// many for a datagram. Its CRC has the polynomial 0x04C11DB7, and complements the initial and the final value.
+// ISA-L uses the processor's instructions for polynomial multiplication; a table lookup (Boost.CRC) takes more than
+// twice as many instructions for a datagram. The CRC of ISA-L has the polynomial 0x04C11DB7, and complements the
+// initial and the final value.
 std::uint32_t crc_of(std::span<const std::byte> bytes) noexcept {
   constexpr std::array<unsigned char, 3> zeros{};
   const std::uint32_t crc = crc32_ieee(0, reinterpret_cast<const unsigned char*>(bytes.data()), bytes.size());

@@ -128,8 +128,8 @@ class Service::Menu {
     return none;
   }
 
-  // Table 9-21: the code of a standard compensation, or four parameters, which may follow three for the axes; the
-  // frequency of the filter may follow as the last parameter.
+  // Parameters (Table 9-21): either the code of a standard compensation, or four parameters, before which there may
+  // be three for the axes. The frequency of the filter may be given as the last parameter.
   Error g_compensation() noexcept {
     const bool standard = count_ == 1 || count_ == 2, by_axis = count_ == 7 || count_ == 8;
     if (!standard && !by_axis && count_ != 4 && count_ != 5) return bad_count;

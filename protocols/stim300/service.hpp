@@ -1,6 +1,6 @@
-// Service Mode of the STIM300, a menu for people (section 9). Answers are from the datasheet's figures,
-// with hyphens instead of dashes. The datasheet specifies ASCII, which has no degree and plus-minus signs:
-// they are sent in ISO 8859-1.
+// Service Mode of the STIM300, a menu for people (section 9). Answers are as in the datasheet's figures, with hyphens
+// instead of dashes. The datasheet specifies ASCII, which has no degree sign and no plus-minus sign: both are sent in
+// ISO 8859-1.
 #pragma once
 
 #include <array>
@@ -18,14 +18,14 @@ class Service {
  public:
   enum class Exit { none, to_normal, to_init };
 
-  // Enters Service Mode; appends the list of the configuration and the prompt.
+  // Enters Service Mode. Appends the list of the configuration, and the prompt, to `replies`.
   void enter(const Memory& memory, FrameBuffer& replies) noexcept;
-  // Processes the host's input at `now`, up to a command that exits, and returns the number of characters processed.
-  // Appends their echo and the answers to `replies`; an answer that does not fit is lost. A line longer than the
-  // input buffer is discarded, as is an unfinished line after a minute without a character.
+  // Processes the host's input at `now`, up to a command that exits Service Mode. Returns how many characters were
+  // processed. Appends their echo and the answers to `replies`; an answer that does not fit is lost. A line longer
+  // than the input buffer is discarded, and so is an unfinished line after a minute without input.
   std::size_t receive(std::span<const std::byte> typed, DeviceTime now, Memory& memory,
                       const std::array<Axes, 3>& measured, const Reading& reading, FrameBuffer& replies) noexcept;
-  // The mode that follows Service Mode at leaves_at(); none if no exit was requested.
+  // Returns the mode that follows Service Mode at leaves_at(); Exit::none if no exit was requested.
   Exit exit() const noexcept { return exit_; }
   DeviceTime leaves_at() const noexcept { return leaves_at_; }
   // See Device::step_clock().

@@ -27,7 +27,8 @@ void print_status(ServiceText& text, std::string_view what, unsigned status) noe
     if ((status >> bit & 1U) != 0) text.line(" BIT ", bit, ": ", bits[bit]);
 }
 
-// Bits of Table 5-19 for the lines "NAME = OK" of the diagnostic; `never`: the emulated unit never fails this check.
+// Bits of Table 5-19 that decide the lines "NAME = OK" of the diagnostic. `never`: the emulated unit never fails the
+// check.
 constexpr unsigned never = 128, start_up = 16, uart = 68, first_overload = 101, pps_overflow = 112;
 
 // Calls heading(words...) and check(axis, name, bit) for each line of figure 9-8.

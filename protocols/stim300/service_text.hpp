@@ -8,8 +8,8 @@ namespace imud::stim300 {
 inline constexpr std::array<std::string_view, 3> cluster_names = {"GYRO", "ACCELEROMETER", "INCLINOMETER"};
 inline constexpr std::string_view axis_names = "XYZ";
 
-// Writes one frame of text, in lines that end with CR; the destructor completes the frame. Writes nothing if `out`
-// has no room for the longest text.
+// Writes one frame of text in lines, each of which ends with CR. The destructor completes the frame. Nothing is
+// written if `out` has no room for the longest text.
 class ServiceText {
  public:
   explicit ServiceText(FrameBuffer& out) noexcept : out_(out), room_(out.room(longest)) {}
@@ -57,8 +57,8 @@ class ServiceText {
   std::size_t size_ = 0;
 };
 
-// Print the whole list of command i, or its part with that letter (Table 9-35); print_part() returns false if there
-// is no such part. Part 'e' clears the errors.
+// print_information() prints the whole list of command i; print_part() prints the part with the letter `part` (Table
+// 9-35), and returns false if there is no such part. Part 'e' clears the errors.
 void print_information(ServiceText& text, const Memory& memory) noexcept;
 bool print_part(ServiceText& text, Memory& memory, char part) noexcept;
 
@@ -77,7 +77,7 @@ void print_line_termination(ServiceText& text, const Configuration& c) noexcept;
 void print_system(ServiceText& text, const Configuration& c, char which) noexcept;  // `which`: a letter of "vtb"
 
 void print_measurement(ServiceText& text, const std::array<Axes, 3>& measured, const Reading& reading) noexcept;
-// Prints every check with its result, from the accumulated errors.
+// Prints every check with its result, which the accumulated errors determine.
 void print_diagnostic(ServiceText& text, const Memory& memory) noexcept;
 
 }  // namespace imud::stim300

@@ -55,7 +55,7 @@ void check(const Settings& settings) {
 }
 
 // Angular random walk 0.15 deg/sqrt(h), velocity random walk 0.06 m/s/sqrt(h) (10 g; Table 5-3, 5-5). An
-// accelerometer saturates where it reports overload, as the 80 g one does (Tables 5-4 to 5-7, note 1).
+// accelerometer saturates at its overload limit; the datasheet states this for 80 g (Tables 5-4 to 5-7, note 1).
 Product product(const Settings& settings) {
   const auto white = [](double per_root_hour) { return per_root_hour / 60 * std::sqrt(internal_hz); };
   Product product;

@@ -21,9 +21,9 @@ namespace imud::stim300 {
 enum Cluster : std::size_t { gyro, accelerometer, inclinometer };
 inline constexpr std::array<Cluster, 3> clusters = {gyro, accelerometer, inclinometer};
 
-// Output units, with the datasheet's numbers. Gyro: in deg, s; the others: in g, s, m/s.
+// Output units, with the datasheet's numbers: of the gyros in deg and s, of the other clusters in g, s and m/s.
 enum Unit : unsigned { value, increment, average, integrated, integrated_m_per_s };
-inline constexpr unsigned delayed = 8;  // added to the unit; gyro only
+inline constexpr unsigned delayed = 8;  // is added to a unit of the gyros
 
 inline constexpr double internal_hz = 2000;
 inline constexpr std::array<unsigned, 5> sample_rates = {125, 250, 500, 1000, 2000};
@@ -31,7 +31,8 @@ inline constexpr std::array<unsigned, 4> bit_rates = {374400, 460800, 921600, 18
 inline constexpr std::array<unsigned, 5> filters_hz = {16, 33, 66, 131, 262};
 inline constexpr unsigned external_trigger = 5, user_defined = 15;
 
-// Returns the bit rate of the unit's UART nearest to `wanted`, which is 1500 to 5184000 bit/s (Equation 13).
+// Returns the bit rate of the unit's UART that is nearest to `wanted` (Equation 13). `wanted`: bit/s, 1500 to
+// 5184000.
 constexpr unsigned nearest_bit_rate(unsigned wanted) noexcept {
   constexpr unsigned clock = 82'944'000;
   const unsigned n = clock / wanted;
@@ -141,7 +142,7 @@ constexpr std::size_t datagram_size(unsigned content) noexcept {
 }
 static_assert(datagram_size(0b0111) == 59 && datagram_size(0b1111) == 63);
 
-// Returns the shortest period of datagrams with that many characters (Equation 12, which gives Table 5-12).
+// Returns the shortest period of datagrams with so many characters (Equation 12, from which Table 5-12 follows).
 constexpr Nanoseconds least_period(const UartSettings& line, std::size_t characters) noexcept {
   const auto tenths = static_cast<std::int64_t>(11 * characters * line.bits_per_character());
   return Nanoseconds((tenths * 100'000'000 + line.baud - 1) / line.baud);
@@ -237,15 +238,15 @@ inline constexpr char part_revision = 'K';
 inline constexpr unsigned firmware_revision = 0;
 inline constexpr std::string_view serial_number = "N25582405002002";
 
-// Returns the index in `letters` of a parameter of one letter; nullopt if it is not there.
+// Returns the index of a one-letter parameter in `letters`; nullopt if the parameter is no letter of this list.
 inline std::optional<unsigned> index(std::string_view parameter, std::string_view letters) noexcept {
   const std::size_t at = letters.find(parameter);
   if (parameter.size() != 1 || parameter == " " || at == letters.npos) return std::nullopt;
   return static_cast<unsigned>(at);
 }
 
-// Utility Mode. greet() appends the answer to the command that enters it. execute() executes one line of the host,
-// given without its end, and appends the answer; it returns false if the line exits Utility Mode.
+// Utility Mode. greet() appends the answer to the command that enters this mode. execute() executes one line of the
+// host, given without its end, and appends the answer. It returns false if the line exits Utility Mode.
 void greet(FrameBuffer& replies) noexcept;
 bool execute(Memory& memory, std::string_view line, FrameBuffer& replies) noexcept;
 unsigned crc8(std::string_view text) noexcept;  // of a command up to and including its last comma (section 10.2)

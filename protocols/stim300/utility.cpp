@@ -56,7 +56,8 @@ class Answer {
   std::size_t size_ = 0;
 };
 
-// One command. execute() returns 0 if it has sent the answer, otherwise the status for the caller to send.
+// One command. execute() returns 0 if it has sent the answer; otherwise it returns the status that the caller must
+// send.
 class Command {
  public:
   enum Status : unsigned { no_command = 1, bad_crc, unknown, bad_count, bad_parameter, too_many_saves, reduced = 8 };
@@ -115,7 +116,8 @@ class Command {
   bool has_wrong_count(std::size_t wanted) const noexcept { return parameters_.size() != wanted; }
   static constexpr std::string_view axes = "xyz", capitals = "XYZ";
 
-  // Settings that a command "i..." reads and "s..." writes, each as one letter of a list.
+  // Executes a command "i...", which reads a setting, or "s...", which writes it, for settings that are one letter of
+  // a list. Returns nullopt for any other command.
   std::optional<unsigned> choice() noexcept {
     struct Choice {
       std::string_view name, letters;
@@ -143,7 +145,8 @@ class Command {
     return std::nullopt;
   }
 
-  // The low-pass filters, one for each axis.
+  // Executes a command that reads or writes low-pass filters, one for each axis. Returns nullopt for any other
+  // command.
   std::optional<unsigned> filter() noexcept {
     constexpr std::array<std::string_view, 3> names = {"gf", "af", "if"};
     for (const Cluster cluster : clusters) {
@@ -165,7 +168,7 @@ class Command {
     return std::nullopt;
   }
 
-  // Properties that can only be read.
+  // Executes a command that reads a property. Returns nullopt for any other command.
   std::optional<unsigned> property() noexcept {
     const auto reply = [&](auto&&... words) -> unsigned {
       if (has_wrong_count(0)) return bad_count;
