@@ -1,12 +1,13 @@
 // VectorNav VN-100, VN-200 and VN-300: commands and streams. Layouts: vectornav.hpp. The estimates of the product's
-// filter are the truth, or the solution of the unit's own filter, where the sample has one. The host acts on that
-// filter by filter_requests.hpp; its other settings can be written and read, but change nothing. The windows of
-// register 85 filter where its modes name compensated measurements (2, 3), and uncompensated ones with them. Its
-// windows of temperature and pressure change nothing. As in the product, compensations (registers 23, 25, 84) take
-// effect immediately, and the reference frame (26) at the next reset.
+// filter are the solution of the unit's own filter if the sample has one, otherwise the truth. filter_requests.hpp
+// has the commands by which the host acts on this filter; its other settings can be written and read, but change
+// nothing. A window of register 85 filters the measurements if its mode includes compensated measurements (2, 3);
+// then the uncompensated measurements are filtered as well. The windows of temperature and pressure change nothing.
+// As in the product, compensations (registers 23, 25, 84) take effect immediately, and the reference frame (26) at
+// the next reset.
 //
-// An answer leaves at the UART at which its command came. VNASY concerns that UART, and so do registers 5 to 7,
-// unless the host names the other one (VN-200 user manual UM004, page 31; UM001, page 56).
+// An answer leaves at the UART at which its command came. VNASY acts on this UART, and so do registers 5 to 7, unless
+// the host names the other UART (VN-200 user manual UM004, page 31; UM001, page 56).
 #include <algorithm>
 #include <cstdio>
 #include <utility>
@@ -175,9 +176,10 @@ class VectorNavDevice final : public Device {
     for (std::size_t i = 0; i < used; ++i) sums_[i].add(sample_, dt);
   }
 
-  // The filter integrates what the sensors deliver, and so its biases are whole ones, those in registers 84 and 25
-  // included, which are subtracted already. It has none while it aligns, and of an attitude alone only the gyro's.
-  // The increments are not compensated as delivered (register 82).
+  // Subtracts the biases that the unit's own filter has estimated. The filter integrates the uncompensated
+  // measurements of the sensors: its biases include the biases in registers 84 and 25, which are subtracted already.
+  // It has no biases while it aligns, and only the gyros' if it estimates the attitude alone. The increments are not
+  // compensated, as in a product as delivered (register 82).
   void subtract_biases(const Solution& solution) noexcept {
     const auto& [magnetometer, accelerometer, gyro] = active_.calibrations;
     if (solution.state == Solution::State::aligning) return;
@@ -309,7 +311,7 @@ class VectorNavDevice final : public Device {
     return none;
   }
 
-  // Increments restart at the outputs of that UART, except outputs that the other UART streams all the time.
+  // Restarts the increments of the UART's outputs, except outputs that the other UART has been streaming meanwhile.
   void resume(unsigned uart) noexcept {
     const unsigned other = 1 - uart;
     for (std::size_t i = 0; i < active_.binary.size(); ++i) {
@@ -342,7 +344,7 @@ class VectorNavDevice final : public Device {
     return none;
   }
 
-  // Counts an output that register `id` turns to no other UART than the one that is not connected.
+  // Counts an output that register `id` directs only to the UART that is not connected.
   void count_unconnected(unsigned id, unsigned uart) noexcept {
     const unsigned other = 1 - host_uart_;
     if (is_connected(other)) return;
@@ -376,7 +378,7 @@ class VectorNavDevice final : public Device {
   }
 
   const Model model_;
-  const unsigned host_uart_;  // the one at the port
+  const unsigned host_uart_;  // the UART at the port
   bool is_second_connected_ = false;
   std::array<std::uint64_t, 1> unconnected_outputs_ = {};  // as `counters`
   const Configuration factory_;

@@ -76,7 +76,7 @@ struct BinaryField {
   Group group;
   unsigned bit;
   std::uint8_t size;  // in bytes (vnproglib, Packet::BinaryGroupLengths)
-  Put put = nullptr;  // nullptr: zeros, as the device does not know it
+  Put put = nullptr;  // nullptr: zeros, because the device does not know the field
 };
 
 // GNSS2 has the fields of GNSS1.

@@ -18,7 +18,7 @@ namespace imud::vectornav {
 
 class FilterRequests {
  public:
-  // Switches the unit on: its filter begins by that alone.
+  // Call this at power-on, with which the filter begins by itself.
   void power_on() noexcept {
     requests_.heading.reset();
     withheld_ = 0;
@@ -29,8 +29,8 @@ class FilterRequests {
     requests_.restart();
   }
 
-  // Executes VNKMD, VNKAD or VNSIH with these parameters; `q`: of the host's axes, v_P = q * v. Returns false if they
-  // are none of the command's. Without parameters nothing changes.
+  // Executes VNKMD, VNKAD or VNSIH; does nothing for other commands, or if `parameters` is empty. `q`: from the
+  // host's axes, v_P = q * v. Returns false if the parameters are not valid for the command.
   bool execute(std::string_view name, std::string_view parameters, const Quaternion& q) noexcept {
     if (parameters.empty()) return true;
     if (name == "VNKMD") return set_disturbance(aid::magnetic_heading, parameters);
@@ -41,7 +41,8 @@ class FilterRequests {
     return yaw.has_value();
   }
 
-  // `magnetometer`: register 23, in the host's axes, gauss; `dcm`: to these axes.
+  // Returns the requests to the unit's own filter. `magnetometer`: register 23, in the host's axes, gauss; `dcm`:
+  // from the platform's axes to the host's.
   NavigationRequests requests(const Calibration& magnetometer, const Matrix3& dcm) const noexcept {
     constexpr double gauss = 1e-4;
     NavigationRequests all = requests_;
@@ -58,8 +59,8 @@ class FilterRequests {
     return true;
   }
 
-  // Returns the yaw, rad, of a heading, of yaw, pitch and roll, all in degrees, or of a quaternion, whose scalar is
-  // the last number. The attitude's other angles are not used.
+  // Returns the yaw, rad, in parameters that are either a heading, or yaw, pitch and roll, in degrees, or a
+  // quaternion with the scalar as the last number. Pitch and roll are not used. Returns nullopt for other parameters.
   static std::optional<double> yaw_in(std::string_view parameters) noexcept {
     const Words words(parameters);
     std::array<double, 4> numbers = {};

@@ -13,13 +13,13 @@ enum class InsMode : unsigned {
   not_tracking,  // without a fix; the heading is by the magnetometer
   aligning,      // with a fix; also while the uncertainty of the attitude is above 2 deg
   tracking,
-  lost,  // no fix for 45 s: position and velocity stay as they are, and the attitude remains valid
+  lost,  // no fix for 45 s: position and velocity keep their last values, and the attitude remains valid
 };
 
 // Returns the root of the mean square of the components.
 inline double rms(const Vector3& v) noexcept { return v.norm() / std::sqrt(3.0); }
 
-// Returns the mode of a unit whose filter has that solution. `has_fix`: of its receiver.
+// Returns the mode of a unit whose filter has this solution. `has_fix`: whether the receiver has a fix.
 inline InsMode ins_mode(const Solution& solution, bool has_fix) noexcept {
   constexpr float longest_outage_s = 45;
   constexpr double widest = 2 * units::degree;  // of AttUncertainty
@@ -29,10 +29,11 @@ inline InsMode ins_mode(const Solution& solution, bool has_fix) noexcept {
   return rms(solution.attitude.cast<double>()) > widest ? InsMode::aligning : InsMode::tracking;
 }
 
-// The place and velocity that the INS reports.
+// Keeps the last place and velocity, which the INS reports while the mode is `lost`.
 class InsPlace {
  public:
-  // Replaces the sample's place and velocity, not its time, by the last ones while the mode is `lost`.
+  // In the mode `lost`, replaces place and velocity of the sample by the last ones; the time stays. In other modes,
+  // keeps them.
   void hold(Sample& sample) noexcept {
     if (!sample.solution || !sample.navigation.is_known) {
       last_ = {};

@@ -60,8 +60,8 @@ void sync_status(const Q& now, Message& message) {
   for (const std::uint32_t number : {now.sync_in_count(), now.since_sync_in_us(), now.sync_out_count()})
     message.put(number, {});
 }
-// Satellites for position, and for the baseline, and carrier-to-noise density in dBHz: of receiver A, of B; the
-// satellites that both have.
+// Writes for receiver A, then for B: the number of satellites for the position, the number for the baseline, and the
+// carrier-to-noise density in dBHz; then the two numbers of satellites that both receivers have.
 void signal_health(const Q& now, Message& message) {
   const double satellites = now.satellites(), density = now.has_fix() ? 50 : 0;
   for (const double number :
@@ -122,8 +122,8 @@ constexpr MessageType messages[] = {
     {register_only + 98, "", 98, {2, firmware_3}, 0, {compass_startup}},
 };
 
-// Returns true if the register reports what the receivers measure, and not the solution: VNGPS, VNGPE, VNG2S, VNG2E,
-// the health of the compass's signals and its start-up.
+// Returns true if the register reports measurements of the receivers, not the solution: VNGPS, VNGPE, VNG2S, VNG2E,
+// the health of the compass's signals, and the start-up of the compass.
 constexpr bool is_of_receivers(unsigned register_id) noexcept {
   constexpr std::array<unsigned, 6> all = {58, 59, 86, 98, 103, 104};
   return std::find(all.begin(), all.end(), register_id) != all.end();

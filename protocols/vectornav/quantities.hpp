@@ -1,7 +1,7 @@
 // Quantities: the quantities that VectorNav's messages (messages.cpp) and binary fields (fields.cpp) report, in the
 // product's units. Attitude, position and velocity come from the sample. Their accuracies are the standard deviations
-// of their errors, or, without errors, the constants below; where the unit's filter has computed them, the filter's.
-// While the filter aligns, position and velocity are the receiver's.
+// computed by the unit's filter, if it has a solution; otherwise the standard deviations of the modelled errors, or
+// the constants below if there are no errors. While the filter aligns, position and velocity are the receiver's.
 #pragma once
 
 #include <cmath>
@@ -22,7 +22,7 @@ class Quantities {
  public:
   Quantities(const Reading& reading, const Sums& sums) noexcept
       : Quantities(reading, sums, reading.sample.timed(), reading.sample.solution.has_value()) {}
-  // Returns the same with place and accuracies of the receiver.
+  // Returns the quantities with place and accuracies of the receiver.
   static Quantities of_receiver(const Reading& reading, const Sums& sums) noexcept {
     return {reading, sums, reading.sample.fix(), false};
   }
@@ -61,9 +61,9 @@ class Quantities {
     return static_cast<std::uint16_t>((s_.status >> 3 & 7U) << 3 | (s_.status & 7U) << 6);
   }
 
-  // The status of the attitude's filter: 0, but of the unit's own filter quality 3, not tracking, until there is an
-  // attitude, and the bits of saturated gyros and accelerometers (UM001 2.22, pages 49 and 50). No document has the
-  // limits of qualities 1 and 2, which are not sent.
+  // The status of the attitude filter (UM001 2.22, pages 49 and 50). Without a filter of the unit's own it is 0.
+  // Otherwise it has quality 3 (not tracking) until there is an attitude, and the bits of saturated gyros and
+  // accelerometers. Qualities 1 and 2 are not sent: no document states their limits.
   std::uint16_t vpe_status() const noexcept {
     if (!s_.solution) return 0;
     constexpr unsigned not_tracking = 3, gyro_bit = 1U << 2, accelerometer_bit = 1U << 9;
@@ -87,7 +87,7 @@ class Quantities {
   }
   Vector3 magnetic_L() const noexcept { return s_.q_LP * magnetic(); }
   Vector3 acceleration_L() const noexcept { return s_.q_LP * s_.specific_force; }
-  // The specific force less that at rest in standard gravity.
+  // The specific force, less the specific force at rest in standard gravity.
   Vector3 linear_L() const noexcept { return acceleration_L() + Vector3(0, 0, units::standard_gravity); }
   Vector3 linear_P() const noexcept { return s_.q_LP.conjugate() * linear_L(); }
 
@@ -110,8 +110,8 @@ class Quantities {
   Vector3 magnetic_E() const noexcept { return to_E(magnetic_L()); }
   Vector3 acceleration_E() const noexcept { return to_E(acceleration_L()); }
   Vector3 linear_E() const noexcept { return to_E(linear_L()); }
-  // Mode 2 (tracking) and a fix; for a VN-300 also the heading from two antennas, which aids a filter that is
-  // aligned.
+  // The mode and the bit of a fix. A VN-300 also has the bits of its two antennas: the compass works with a fix, and
+  // its heading aids a filter that is aligned.
   std::uint16_t ins_status() const noexcept {
     constexpr unsigned fix_bit = 0x0004, heading_bit = 0x0100, compass_bit = 0x0200;
     const bool is_fixed = r_.model.receivers > 0 && s_.fix().is_known;
@@ -150,7 +150,7 @@ class Quantities {
       : r_(reading), s_(reading.sample), navigation_(navigation), sums_(sums), is_filter_(is_filter) {}
 
   bool is_filters_place() const noexcept { return is_filter_ && s_.navigation.is_known; }
-  // The receiver's time, or after its last fix the filter's.
+  // Returns whether the time is known: from the receiver or, after its last fix, from the filter.
   bool knows_time() const noexcept { return r_.model.receivers > 0 && (navigation_.is_known || s_.fix().is_known); }
   InsMode mode() const noexcept {
     if (r_.model.receivers == 0 || !is_filter_) return has_fix() ? InsMode::tracking : InsMode::not_tracking;

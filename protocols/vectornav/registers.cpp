@@ -167,7 +167,8 @@ std::optional<SyncControl> sync_control_in(const Words& words) noexcept {
                      Nanoseconds(width)};
 }
 
-// Register 55: the receiver's mode, 1 and 2 for an external one, and the source of an external one's pulse.
+// Reads register 55: the receiver's mode (1 and 2: an external receiver), and the source of the pulse of an external
+// receiver.
 PulseSource pulse_source_in(const Words& words) noexcept {
   const unsigned mode = number_in<unsigned>(words[0]).value_or(0), source = number_in<unsigned>(words[1]).value_or(0);
   if (mode != 1 && mode != 2) return PulseSource::receiver;

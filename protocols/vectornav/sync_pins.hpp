@@ -1,8 +1,7 @@
 // SyncPins: the SyncIn and SyncOut pins (registers 32 and 33), and the pulse per second of a GNSS receiver (register
 // 55). Sources: VN-100 user manual UM001 2.22, pages 66 to 69 and 75; VN-200 user manual UM004, pages 38, 39 and 42.
 //
-// Register 32 selects the polarity of edges and of the pulse at SyncOut. Neither polarity is
-// part of the emulated signal.
+// Register 32 selects the polarity of edges and of the pulse at SyncOut. The emulated signals have no polarity.
 #pragma once
 
 #include <cstdint>
@@ -43,18 +42,18 @@ struct SyncStatus {
   Nanoseconds since_in{0}, since_pulse{0};  // 0 before the first one
 };
 
-// Call edges in order of time, then sample(). One thread.
+// Report all edges up to a sample in order of time, then call sample(). One thread.
 class SyncPins {
  public:
   // Discards counts, times and pending events.
   void reset() noexcept { *this = SyncPins(); }
   void step_clock(Nanoseconds by) noexcept;
 
-  // Report an edge at SyncIn, or at the PPS pin.
+  // edge() reports an edge at SyncIn, pps_edge() an edge at the PPS pin.
   void edge(const SyncControl& control, PulseSource source, DeviceTime time) noexcept;
   void pps_edge(const SyncControl& control, PulseSource source, DeviceTime time) noexcept;
-  // Ends the interval up to `sample`: makes the pulses that it causes. Returns true if there was a SyncIn event in
-  // the interval.
+  // Ends the interval up to `sample`, and makes the pulse that the sample causes. Returns true if there was a SyncIn
+  // event in the interval.
   bool sample(const SyncControl& control, PulseSource source, const Sample& sample) noexcept;
 
   // Writing a zero to a count of register 33 resets it.

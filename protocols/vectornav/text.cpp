@@ -37,7 +37,8 @@ std::size_t write_checksum(std::string_view body, Form form, char* place) noexce
 
 namespace {
 
-// The content of a text is its last number, because a change of any other might look like another word.
+// Reseals a text message. Its content is the last number only: a change of another word might give another valid
+// word.
 std::span<std::byte> reseal_text(std::span<std::byte> frame) noexcept {
   const std::string_view text(reinterpret_cast<const char*>(frame.data()), frame.size());
   const std::size_t star = text.rfind('*');

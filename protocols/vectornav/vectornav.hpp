@@ -9,7 +9,7 @@
 // mask of 16 bits for each group, little-endian; the fields in order of groups and bits; the CRC-16 of all after
 // 0xFA, big-endian.
 //
-// A product has two UARTs, 1 and 2, each with registers 5 to 7 of its own. Here they are counted from 0.
+// A product has two UARTs, 1 and 2, each with its own registers 5 to 7. This program counts the UARTs from 0.
 #pragma once
 
 #include <array>
@@ -46,7 +46,7 @@ inline constexpr std::size_t longest = 1024;  // bytes of the longest frame
 inline constexpr std::array<std::uint32_t, 9> bauds = {9600,   19200,  38400,  57600, 115200,
                                                        128000, 230400, 460800, 921600};
 
-// Groups of binary fields, each with a mask of its own.
+// Groups of binary fields. Each group has its own mask.
 enum Group : unsigned { common, time_group, imu, gnss1, attitude, ins, gnss2, groups };
 inline constexpr unsigned mask_bits = 16;
 // Returns the size of a field in bytes; 0: there is no such field.
@@ -58,30 +58,31 @@ unsigned crc16(std::string_view text) noexcept;
 // Returns true if `sum`, the text after '*', is the checksum of `body`.
 bool is_checksum_of(std::string_view body, std::string_view sum) noexcept;
 
-// Writes the end of a text, after its body: "*", its checksum, CR LF. `place` has room for 16 characters. Returns the
-// number of characters; a NUL follows them.
+// Writes the end of a text message after its body: "*", the checksum, CR LF, and a NUL. Requires room for 16
+// characters at `place`. Returns the number of characters before the NUL.
 enum class Form : std::uint8_t { two_digits, four_digits };  // of the checksum: XOR, CRC-16
 std::size_t write_checksum(std::string_view body, Form form, char* place) noexcept;
 
-// The head of a binary frame: the offset of its fields, and the frame's size, which may be more than is held. While
-// the head is incomplete, `size` is the head's size.
+// The head of a binary frame: the offset of its fields, and the size of the whole frame. While the head is
+// incomplete, `size` is the size of the head.
 struct BinaryHead {
   std::array<unsigned, groups> masks = {};
   std::size_t fields = 0, size = 0;
 };
-// Returns nullopt if no frame begins with these bytes.
+// Reads the head at the begin of `held`, which may be a part of a frame. Returns nullopt if no frame begins so.
 std::optional<BinaryHead> binary_head(std::span<const std::byte> held) noexcept;
 // FrameSeal::reseal().
 std::span<std::byte> reseal(std::span<std::byte> frame, const CanHeader&) noexcept;
 
-// The words between commas. `count` is greater than words.size() if there are more words than that.
+// The words of a text between commas. `count` is their number, which may be greater than words.size(): further words
+// are not kept.
 struct Words {
   explicit Words(std::string_view text) noexcept;
   std::string_view operator[](std::size_t i) const noexcept { return words[i]; }
   std::array<std::string_view, 20> words;
   std::size_t count = 0;
 };
-// Parses a number, on which a plus is allowed. Returns nullopt if the text is not a finite number.
+// Parses a number, which may begin with a plus sign. Returns nullopt if the text is not a finite number.
 std::optional<double> real_in(std::string_view text) noexcept;
 
 // The form of a number in a text message: {3, 8, true} is printf()'s "%+08.3f".
@@ -121,7 +122,7 @@ struct Model {
 inline constexpr Model models[] = {
     {"vn-100", "VN-100S-CR", 800, 0}, {"vn-200", "VN-200S-CR", 800, 1}, {"vn-300", "VN-300S-CR", 400, 2}};
 
-// The models that have a register or a message.
+// The condition for the models that have a register or a message.
 struct Since {
   unsigned receivers = 0;  // at least so many GNSS receivers
   unsigned major = 0;      // at least this firmware
@@ -186,16 +187,17 @@ struct Configuration {
   double number_of(unsigned id, std::size_t parameter) const noexcept;
 };
 
-// Returns the UART that a host means by `text`, as a parameter of registers 5 to 7: "1" or "2", or "0" or "?" for
-// `asking`, at which the command came; nullopt if it is none of these.
+// Returns the UART that a host means by `text`, a parameter of registers 5 to 7: "1" or "2"; or "0" or "?" for
+// `asking`, the UART at which the command came. Returns nullopt for any other text.
 std::optional<unsigned> uart_in(std::string_view text, unsigned asking) noexcept;
 // Writes a register of `configuration`. `rest` is the number of the register and its parameters ("06,14").
 Error write_register(Configuration& configuration, const Model& model, unsigned asking,
                      std::string_view rest) noexcept;
-// Returns the load of a UART by all streams; it cannot carry more than 1.
+// Returns the load of a UART by all streams, as a share of its capacity: above 1, it cannot carry them.
 double line_load(const Configuration& configuration, const Model& model, unsigned uart) noexcept;
-// Appends the parameters of register `id`, which is not a measurement register. Only registers 5 to 7 use `uart` (see
-// uart_in()), and the answer ends with its number. If `uart` is empty, the answer is for `asking`, without a number.
+// Appends the parameters of register `id`, which must not be a measurement register. Only registers 5 to 7 use `uart`
+// (see uart_in()); their answer ends with the number of this UART. If `uart` is empty, the answer is for `asking`,
+// and has no number.
 Error put_register(const Configuration& configuration, const Model& model, unsigned id, unsigned asking,
                    std::string_view uart, Message& message) noexcept;
 
@@ -255,7 +257,7 @@ void put_fields(const BinaryOutput& output, const Reading& reading, const Sums& 
 extern const Setting declared_settings[11];
 // Returns the UART, counted from 0, that is at the port.
 unsigned uart_of(const Settings& settings);
-// The following throw std::invalid_argument as Protocol::make does. The model has the firmware of the settings.
+// These functions throw std::invalid_argument as Protocol::make does. The model has the firmware of the settings.
 Model model_of(const Settings& settings);
 Configuration configuration_of(const Settings& settings);
 Product product_of(const Settings& settings);
