@@ -34,7 +34,8 @@ constexpr Commands commands[] = {
 
 void Memory::execute(std::span<const std::byte> packet, DeviceTime now, Fields& fields,
                      FrameBuffer& replies) noexcept {
-  constexpr std::size_t longest_answer = 105, longest_list = 252;  // an answer that might not fit begins a new packet
+  // If the longest possible answer does not fit into the packet, the answer begins a new packet.
+  constexpr std::size_t longest_answer = 105, longest_list = 252;
   const auto set = std::to_integer<std::uint8_t>(packet[2]);
   std::optional<Packet> answer(std::in_place, replies, set);
   for_each_field(packet, [&](std::uint8_t command, Data data) {
@@ -257,8 +258,8 @@ Memory::Code Memory::device_status(Reader& reader, const Context& context) noexc
   return ok;
 }
 
-// Sets the week or the second of the week, and keeps the other. A second is that which began with the last valid edge
-// of the pulse-per-second input; without one, it begins now.
+// Sets the week or the second of the week, and keeps the other part. The given second of the week is the second that
+// began with the last valid edge of the pulse-per-second input; without such an edge, the second that begins now.
 Memory::Code Memory::update_gps_time(Reader& reader, const Context& context) noexcept {
   enum Part : std::uint8_t { week = 1, time_of_week = 2 };
   constexpr std::int64_t last_week = 9999;
@@ -307,7 +308,7 @@ void Memory::put_device_info(Packet& answer) const noexcept {
   answer.end();
 }
 
-// The first list has as many descriptors as fit in a packet, the extended list has the rest.
+// Writes the list of descriptors, as many as fit in a packet; the extended list has the other descriptors.
 void Memory::put_descriptors(Packet& answer, bool extended) const noexcept {
   constexpr std::size_t list = 124;
   std::size_t count = 0;

@@ -1,10 +1,10 @@
 // MicroStrain MIP as the 3DM-GX5-25, 3DM-GX5-45, 3DM-CV7-AHRS, 3DM-CV7-INS and 3DM-GQ7 use it. The layouts are from
 // MicroStrain's mip_sdk (mip/mip.hpp); the tests compare them with its capture of a real device.
 //
-// Where the document is silent, the device does as a user would expect: it streams out of the box (mip.cpp);
-// reference time is the sensor's own clock; filter and receivers report the truth.
-// Biases, hard and soft iron, mounting, pins, events that an edge triggers, and the settings of the unit's own filter
-// in filter_requests.cpp are applied. Other settings of the filter and of events can be written and read, but change
+// Where the document has no information, the device behaves as a user would expect: a unit as delivered streams
+// (mip.cpp); reference time is the sensor's own clock; filter and receivers report the truth. These settings have an
+// effect: biases, hard and soft iron, mounting, pins, events that an edge triggers, and the settings of the unit's
+// own filter in filter_requests.cpp. Other settings of the filter and of events can be written and read, but change
 // nothing.
 #include <algorithm>
 #include <bit>
@@ -74,7 +74,7 @@ class MipDevice final : public Device {
   void set_figures(const OwnFigures& figures) noexcept override { fields_.set_figures(figures); }
   UartSettings uart() const noexcept override { return {memory_.active().baud}; }
 
-  // A single pole; all fields of a quantity, of the filter data too, come from behind its low-pass filter.
+  // Each low-pass filter has a single pole. It acts on all fields of its quantity, also on fields of the filter data.
   std::optional<SensorFilters> filters() const noexcept override {
     const Configuration& active = memory_.active();
     const auto filter = [&](LowPassed quantity) {
@@ -93,15 +93,16 @@ class MipDevice final : public Device {
  private:
   using Search = FrameSearch<longest>;
 
-  // Returns the time after its first byte at which an unfinished command is discarded: 100 ms (mip_parser.h,
-  // MIP_PARSER_DEFAULT_TIMEOUT_MS), or one and a half times the duration of the longest packet if that is more
+  // Returns the time, from its first byte on, after which an unfinished command is discarded: 100 ms (mip_parser.h,
+  // MIP_PARSER_DEFAULT_TIMEOUT_MS), or one and a half times the duration of the longest packet if this is longer
   // (mip_parser.c, mip_timeout_from_baudrate()).
   Nanoseconds timeout() const noexcept {
     constexpr std::int64_t bits_a_byte = 10, milliseconds = 1500 * bits_a_byte * longest;
     return std::chrono::milliseconds(std::max<std::int64_t>(100, milliseconds / memory_.active().baud));
   }
 
-  // Executes a command that was cut off, and ends a capture, if their time is over.
+  // If its time is over, discards a command that was cut off, and executes commands found behind its first byte. Ends
+  // a capture of the gyro bias if its time is over.
   void advance(DeviceTime now, FrameBuffer& out) noexcept {
     if (!search_.is_empty() && now >= begun_ + timeout()) {
       begun_ = now;

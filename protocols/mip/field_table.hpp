@@ -85,7 +85,7 @@ inline constexpr DataField field_table[] = {
     {"", system, 0xD7, 10, series_7},
 };
 
-// The names of a set's fields in the configuration: the default's first, then in the order of the table.
+// The names of a set's fields in the configuration: "default", then the fields in the order of the table.
 inline constexpr std::string_view default_name = "default";
 template <std::uint8_t set>
 inline constexpr auto field_names = [] {

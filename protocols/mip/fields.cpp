@@ -41,8 +41,8 @@ bool fits_a_packet(const Model& model, const Stream& stream) noexcept {
 void Fields::set_sample(const Sample& sample) noexcept {
   const Configuration& c = memory_.active();
   const Quaternion q_VP = c.q_PV.conjugate();
-  // Most units are not turned. Their rotation adds zeros, which change no number but a zero, whose sign they may
-  // change.
+  // Most units are not turned. A rotation by the identity only adds zeros, which may change the sign of a zero, but
+  // no other number.
   const bool is_turned = c.q_PV.coeffs() != Quaternion::Identity().coeffs();
   const auto in_V = [&](const Vector3& v_P) -> Vector3 {
     const bool has_zero = v_P.x() == 0.0 || v_P.y() == 0.0 || v_P.z() == 0.0;

@@ -54,9 +54,10 @@ NavigationAids Configuration::aids(const Model& model) const noexcept {
   return aids;
 }
 
-// The initial attitude, and the initial heading of a GX5, belong to the sensor's axes, and are only taken while the
-// filter initializes. A device of the 7 series sets its heading at any time, here the one of the vehicle's axes, but
-// not while the magnetometer aids it. Roll and pitch of an initial attitude are not used: gravity gives them.
+// The initial attitude, and the initial heading of a GX5, are of the sensor's axes, and are taken only while the
+// filter initializes. A device of the 7 series takes a heading at any time, unless the magnetometer aids its filter;
+// this is the heading of the vehicle's axes. Roll and pitch of an initial attitude are not used: they are known from
+// gravity.
 Memory::Code Memory::act_on_filter(std::uint8_t command, Data data, Fields& fields) noexcept {
   enum Command : std::uint8_t { reset = 0x01, initial_attitude = 0x02 };
   if (command == reset) {

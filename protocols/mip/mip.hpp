@@ -38,16 +38,17 @@ inline constexpr std::uint8_t reply = 0xF1;
 
 // Returns the two bytes of checksum of the bytes before them.
 std::array<std::uint8_t, checksum_size> checksum_of(std::span<const std::byte> bytes) noexcept;
-// Returns the size of the packet that begins with `held`, which may be longer than `held`; as long as the header is
-// incomplete, the size of the header. Returns nullopt if no packet begins with these bytes.
+// Returns the size of the whole packet that begins with `held`; the size of the header while the header is
+// incomplete. Returns nullopt if no packet begins with these bytes.
 std::optional<std::size_t> packet_size(std::span<const std::byte> held) noexcept;
-// Returns true if the checksum of a whole packet is right.
+// Returns true if the checksum is right. `packet`: a whole packet.
 bool is_intact(std::span<const std::byte> packet) noexcept;
 
 // FrameSeal::reseal().
 std::span<std::byte> reseal(std::span<std::byte> packet, const CanHeader&) noexcept;
 
-// Calls `act(descriptor, data)` for each field. Returns false if the fields do not fill the packet.
+// Calls `act(descriptor, data)` for each field of a whole packet. Returns false if the lengths of the fields do not
+// add up to the packet's.
 template <class Act>
 bool for_each_field(std::span<const std::byte> packet, Act&& act) {
   std::span<const std::byte> rest = packet.subspan(header_size, packet.size() - header_size - checksum_size);
@@ -62,8 +63,8 @@ bool for_each_field(std::span<const std::byte> packet, Act&& act) {
 
 using Reader = FieldReader<boost::endian::order::big>;
 
-// Writes a packet: each field between begin() and end(). finish() completes the packet; a packet without fields is
-// not sent.
+// Writes a packet. Write each field between begin() and end(). finish() completes and sends the packet, unless it has
+// no fields.
 class Packet : public FrameWriter<boost::endian::order::big> {
  public:
   Packet(FrameBuffer& out, std::uint8_t set) noexcept;
@@ -81,7 +82,7 @@ class Packet : public FrameWriter<boost::endian::order::big> {
 // --- Data ---
 
 struct DataField {
-  std::string_view name;               // in the configuration; empty: it has no name there
+  std::string_view name;               // in the configuration; empty: the configuration cannot name the field
   std::uint8_t set, descriptor, size;  // of the data; the set gnss stands for any receiver's set
   unsigned models;                     // the models that have this field
 };
@@ -115,7 +116,7 @@ struct Stream {
   }
 };
 
-// Returns true if all fields of the stream fit in one packet. Sample 0 sends them all.
+// Returns true if all fields of the stream fit in one packet, as at sample 0, at which all fields are due.
 bool fits_a_packet(const Model& model, const Stream& stream) noexcept;
 
 class Memory;
@@ -134,58 +135,62 @@ struct Pin {
 };
 inline constexpr std::uint8_t events = 8;  // triggers, and actions
 
-// Writes data fields from the newest sample, less the configured biases, in the axes V of the vehicle.
+// Writes data fields from the newest sample. The configured biases are subtracted, and vectors are in the axes V of
+// the vehicle.
 class Fields {
  public:
   explicit Fields(const Memory& memory) noexcept : memory_(memory) {}
   void set_figures(const OwnFigures& figures) noexcept { figures_ = figures; }
   void set_sample(const Sample& sample) noexcept;
-  // Power-on or reset: discards the measurements; reference time and ticks count from `now`. The very first sample of
-  // a device sets the reference time back to the sensor's clock, so that sample 0 carries its own time.
+  // Call this at power-on or reset. Discards the measurements; reference time and ticks then count from `now`. The
+  // very first sample of a device sets the reference time to the sensor's own clock, so that sample 0 carries its own
+  // time.
   void restart(DeviceTime now) noexcept;
-  // Restarts the increments and time differences of that set's stream (0: of every stream) at the newest sample, or,
-  // if samples have ceased, one sample period before `now`.
+  // Restarts the increments and time differences of the set's stream (0: of every stream) at the newest sample. If
+  // samples have ceased, they restart one sample period before `now`.
   void begin(std::uint8_t set, DeviceTime now) noexcept;
-  void reset_filter() noexcept;  // it initializes again
+  void reset_filter() noexcept;  // the filter initializes again
   NavigationRequests& requests() noexcept { return requests_; }
   const NavigationRequests& requests() const noexcept { return requests_; }
   void step_clock(Nanoseconds by) noexcept;
-  // Returns the time since power-on or reset; before both, the time of the sensor's own clock.
+  // Returns the time since power-on or reset; before both, the time by the sensor's own clock.
   Nanoseconds since_start(DeviceTime at) const noexcept { return at - restarted_.value_or(DeviceTime{}); }
-  // Returns the time, ns, at whose full seconds a pulse from this source begins; nullopt: it sends none.
+  // Returns a time, ns, by the clock of a source of pulses: a pulse begins at each full second of this clock. Returns
+  // nullopt if the source sends no pulses.
   std::optional<std::int64_t> seconds_clock(PulseSource source, DeviceTime at) const noexcept;
   bool has_pulse(DeviceTime at) const noexcept;  // a valid pulse per second
   const Sample& newest() const noexcept { return sample_; }
   std::uint64_t samples() const noexcept { return sample_.counter - restarted_tick_; }  // since power-on or reset
-  // Returns the GPS time that the device reports for `at`, ns since 1980-01-06. `at` is at most
-  // one sample period before the newest sample.
+  // Returns the GPS time that the device reports for `at`, ns since 1980-01-06. `at`: at most one sample period
+  // before the newest sample.
   std::int64_t gps_ns(DeviceTime at) const noexcept;
-  // Appends a streamed field; nothing if there is no such field, or no room for it.
+  // Appends a streamed field. Appends nothing if there is no such field, or no room for the field.
   void put(Packet& packet, std::uint8_t set, std::uint8_t descriptor) const noexcept {
     put(packet, set, descriptor, since_[slot_of(set)], stamp());
   }
-  // Appends a field that the host polls at `now`, or that an event sends whose trigger has this number. Its times are
-  // taken at `now`; its increments and time differences span the set's last base period.
+  // Appends a field that the host polls at `now`, or that an event sends. `event`: the number of the event's trigger;
+  // 0: polled. Times are taken at `now`; increments and time differences span the last base period of the set.
   void poll(Packet& packet, std::uint8_t set, std::uint8_t descriptor, DeviceTime now,
             std::uint8_t event = 0) const noexcept;
-  // Restarts the increments and time differences of a streamed field. Call it when the packet is finished, as a
-  // packet may contain a field twice.
+  // Restarts the increments and time differences of a streamed field. Call this after the packet is finished, because
+  // a packet may contain a field twice.
   void sent(std::uint8_t set, std::uint8_t descriptor) noexcept;
 
  private:
   // The stamp of the newest sample, not before power-on or reset.
   DeviceTime stamp() const noexcept { return restarted_ ? std::max(sample_.stamp(), *restarted_) : sample_.stamp(); }
-  struct Since {  // the time of the last transmission, and the sums since
+  struct Since {  // the time of the last transmission, and the sums since then
     DeviceTime delta_time, reference;
     std::uint64_t tick = 0;
     std::uint8_t event = 0;  // the trigger that sends the field; 0: none
     Vector3 delta_angle = Vector3::Zero(), delta_velocity = Vector3::Zero();
   };
 
-  // As a device of the 7 series numbers them (mip_sdk, data_filter.h). A GX5 has but 1 and 2, running.
+  // The states as a device of the 7 series numbers them (mip_sdk, data_filter.h). A GX5 has only 1, and 2 for
+  // running.
   enum class FilterState : std::uint16_t { initialization = 1, vertical_gyro, ahrs, full_navigation };
   FilterState filter_state() const noexcept;
-  // Returns true if the unit has a solution of its own, in that state.
+  // Returns true if the unit has its own solution, and this is in `state`.
   bool is_in(Solution::State state) const noexcept { return sample_.solution && sample_.solution->state == state; }
   struct Warnings;
   unsigned flags_of_gx5(FilterState state, const Warnings& high) const noexcept;
@@ -208,7 +213,7 @@ class Fields {
   bool is_known() const noexcept { return sample_.navigation.is_known; }
   bool knows_time() const noexcept { return sample_.timed().is_known; }
   std::int64_t true_gps_ns(DeviceTime at) const noexcept;    // GPS time of a receiver; 0 if the truth has none
-  std::int64_t gnss_updates(DeviceTime at) const noexcept;   // the seconds of a receiver's fixes; 0 before the first
+  std::int64_t gnss_updates(DeviceTime at) const noexcept;   // GPS time, s, up to the last fix; 0 before the first
   std::int64_t since_pulse_s(DeviceTime at) const noexcept;  // 255: longer ago, or there was none
   bool has_week() const noexcept;
   bool has_time_of_week() const noexcept;
@@ -228,8 +233,9 @@ class Fields {
 
 // --- Settings ---
 
-// A setting that can be written and read; some act (filter_requests.cpp, pins.cpp, navigation_fields.cpp). The data
-// of its command are a function, a key (one of several slots) and a value.
+// A setting that can be written and read. Some settings have an effect (filter_requests.cpp, pins.cpp,
+// navigation_fields.cpp). The data of the command are a function, a key (which selects one of several slots) and a
+// value.
 struct KeptSetting {
   enum Kind : std::uint8_t { any, flag, numbers, source, pin };  // numbers: finite; source, pin: see pins.hpp
 
@@ -258,7 +264,7 @@ struct Kept {
 struct Configuration {
   Configuration() noexcept;
 
-  std::array<Stream, streams_of_a_device> streams;  // at slot_of() their sets
+  std::array<Stream, streams_of_a_device> streams;  // index: slot_of() the set
   std::uint32_t baud = 115200;
   Vector3 gyro_bias = Vector3::Zero(), accelerometer_bias = Vector3::Zero();  // rad/s, m/s^2; subtracted in P
   Quaternion q_PV = Quaternion::Identity();                                   // v_P = q_PV * v_V, V: the vehicle
@@ -267,23 +273,24 @@ struct Configuration {
 
   const Stream* find(std::uint8_t set) const noexcept;  // nullptr if there is none
   Stream* find(std::uint8_t set) noexcept { return const_cast<Stream*>(std::as_const(*this).find(set)); }
-  // Returns the cut-off of a quantity's low-pass filter, Hz: in automatic mode half of the rate at which the quantity
-  // is sent. 0: it is not filtered, nor is one whose automatic filter has no rate to follow.
+  // Returns the cut-off of a quantity's low-pass filter, Hz; in automatic mode, half of the rate at which the
+  // quantity is sent. Returns 0 if the quantity is not filtered, and in automatic mode if it is not sent.
   double cut_off_hz(const LowPass& low_pass) const noexcept;
   // Returns how the unit's own filter uses its aids, and the compensation of the magnetic field.
   NavigationAids aids(const Model& model) const noexcept;
-  // Returns nullptr if the model has no such setting, or none of that key.
+  // Returns a slot of a kept setting; nullptr if the model has no such setting, or the setting no such key.
   const Kept* find_kept(const Model& model, std::uint8_t set, std::uint8_t command, unsigned key = 0) const noexcept;
 };
 
-// The settings of a unit as delivered, as saved and as active; executes the host's commands. Times
-// are on the sensor's clock.
+// The settings of a unit as delivered, as saved, and as active. Executes the host's commands. Times are by the
+// sensor's clock.
 class Memory {
  public:
   Memory(const Model& model, const Configuration& configuration) noexcept
       : model_(model), factory_(configuration), stored_(configuration), active_(configuration) {}
 
-  // GPS time as the host has set it: device time plus `offset_ns`, once `count` is above 0.
+  // The GPS time that the host has set: device time plus `offset_ns`. `count`: how often the host has set it; 0: the
+  // time is not set.
   struct GpsUpdate {
     std::int64_t offset_ns = 0;
     bool has_week = false, has_time_of_week = false;
@@ -301,7 +308,7 @@ class Memory {
   const Pulses& pulses() const noexcept { return pulses_; }
   PulseSource pulse_source() const noexcept;
   Pin pin(std::uint8_t number) const noexcept;                      // numbered from 1
-  bool has_pin(Pin wanted) const noexcept;                          // some pin is configured so
+  bool has_pin(Pin wanted) const noexcept;                          // at least one pin is configured so
   bool sends_pulses() const noexcept { return sends_pulses_; }      // some pin is the pulse-per-second output
   std::uint8_t pin_states() const noexcept { return pin_states_; }  // bit 0: pin 1 is high
   void set_pin_state(std::uint8_t number, bool is_high) noexcept;
@@ -367,7 +374,7 @@ class Memory {
   void put_device_info(Packet& answer) const noexcept;
   void put_descriptors(Packet& answer, bool extended) const noexcept;
 
-  // Executes save, load or default by copy(to, from).
+  // Executes the function save, load or default by a call of copy(to, from).
   template <class Copy>
   Code transfer(std::uint8_t function, Copy&& copy) noexcept {
     switch (function) {

@@ -24,7 +24,7 @@ struct Model {
   std::uint16_t filter_hz = 0, gnss_hz = 0;        // Hz, base rates; 0: no receiver
   std::uint16_t filter_stream_hz = 10;             // Hz, of the stream as delivered
   double gyro_max = 0, accelerometer_max_g = 8;    // rad/s
-  std::string_view preset = {};                    // its default model
+  std::string_view preset = {};                    // the default model of errors
   double gyro_noise = 0, accelerometer_noise = 0;  // rad/s/sqrt(Hz), m/s^2/sqrt(Hz)
   std::span<const std::string_view> sensor_fields = {}, filter_fields = {}, gnss_fields = {};  // as delivered
 

@@ -1,6 +1,6 @@
-// The fields of the filter and of the receivers. They report the truth with the errors of the sample, and the
-// standard deviations of these as their accuracies. Of a unit with a filter of its own, the filter's solution is in
-// the fields of the filter, and its receiver's fix in the receivers' fields.
+// The fields of the filter and of the receivers. They report the truth with the errors of the sample; their
+// accuracies are the standard deviations of these errors. If the unit has its own filter, the fields of the filter
+// report its solution, and the fields of the receivers the receiver's fix.
 #include <array>
 #include <chrono>
 #include <cmath>
@@ -35,9 +35,9 @@ void put_utc(Packet& packet, std::int64_t gps_ns, std::uint16_t flags) noexcept 
 
 }  // namespace
 
-// The filter's states take these times after the first sample with a valid pulse per second (an assumption; the
-// manual of the GQ7, "Filter States" and "PPS", gives only their order and their conditions). A filter of the unit's
-// own is in the initialization, or on a GQ7 a vertical gyro, until it is aligned. It navigates on by dead reckoning.
+// The states last for these times from the first sample with a valid pulse per second on (an assumption: the manual
+// of the GQ7, "Filter States" and "PPS", states only their order and their conditions). The unit's own filter is in
+// the initialization, on a GQ7 also a vertical gyro, until it is aligned. Without a fix it goes on by dead reckoning.
 Fields::FilterState Fields::filter_state() const noexcept {
   constexpr Nanoseconds initialization = std::chrono::seconds(1), alignment = std::chrono::seconds(3);
   const Model& model = memory_.model();
@@ -71,8 +71,9 @@ void Fields::put_filter(Packet& packet, std::uint8_t descriptor, DeviceTime at) 
   const auto uncertainty = [&](Eigen::Vector3f Solution::*member, const Vector3& otherwise) {
     return solution ? of_filter(member) : otherwise;
   };
-  // The filter integrates what the sensors deliver: its biases include the ones that the host has set, which
-  // are subtracted already. It has none while it aligns, and of an attitude alone only the gyro's.
+  // The filter integrates the uncorrected measurements of the sensors: its biases include the biases that the host
+  // has set, which are subtracted already. The filter has no biases while it aligns, and only the gyros' if it
+  // estimates the attitude alone.
   const auto more_gyro_bias = [&]() -> Vector3 {
     if (!solution || is_in(Solution::State::aligning)) return Vector3::Zero();
     return of_filter(&Solution::gyro_bias) - memory_.active().gyro_bias;
@@ -106,10 +107,10 @@ void Fields::put_filter(Packet& packet, std::uint8_t descriptor, DeviceTime at) 
       put_euler(packet);
       break;
     case 0x06:
-      packet.put_floats(more_gyro_bias());  // in P, beside the host's
+      packet.put_floats(more_gyro_bias());  // in P, without the host's bias
       break;
     case 0x07:
-      packet.put_floats(more_accelerometer_bias());  // in P, beside the host's
+      packet.put_floats(more_accelerometer_bias());  // in P, without the host's bias
       valid = navigates;
       break;
     case 0x08:
@@ -169,8 +170,8 @@ void Fields::put_filter(Packet& packet, std::uint8_t descriptor, DeviceTime at) 
   packet.put(valid);
 }
 
-// Which of the filter's standard deviations are high. No document has MicroStrain's limits: they are chosen, as those
-// of SBG's valid solution (sbgECom 05c19cd, sbgEComLogEkf.h).
+// Tells which of the filter's standard deviations are high. No document states MicroStrain's limits. These limits are
+// chosen: they are the limits of SBG's valid solution (sbgECom 05c19cd, sbgEComLogEkf.h).
 struct Fields::Warnings {
   bool tilt = false, heading = false, velocity = false, position = false;
 
@@ -200,8 +201,8 @@ void Fields::put_filter_status(Packet& packet, DeviceTime at) const noexcept {
                                                       : flags_of_series_7(state, warnings, has_pulse(at))));
 }
 
-// In state 1, initializing: 0x1000, no attitude; 0x2000, no position and velocity. In state 2, running and valid:
-// 0x02, no GNSS; 0x10, 0x20, 0x40, covariance of position, velocity and attitude high.
+// Returns the flags. In state 1 (initializing): 0x1000: no attitude; 0x2000: no position and velocity. In state 2
+// (running): 0x02: no GNSS; 0x10, 0x20, 0x40: the covariance of position, velocity or attitude is high.
 unsigned Fields::flags_of_gx5(FilterState state, const Warnings& high) const noexcept {
   const bool is_aligning = is_in(Solution::State::aligning), is_ins = memory_.model().is(ins);
   if (state == FilterState::initialization) return (is_aligning ? 0x1000U : 0U) | (is_ins ? 0x2000U : 0U);
@@ -210,8 +211,8 @@ unsigned Fields::flags_of_gx5(FilterState state, const Warnings& high) const noe
          (high.tilt || high.heading ? 0x40U : 0U);
 }
 
-// Condition 1, stable, or 2, converging; 0x04 to 0x20: tilt, heading, position and velocity are uncertain; 0x400: no
-// pulse per second. The filter is stable once its deviations are small, while it has aids.
+// Returns the flags. Condition 1: stable, 2: converging; 0x04, 0x08, 0x10, 0x20: tilt, heading, position or velocity
+// is uncertain; 0x400: no pulse per second. The filter is stable while its deviations are small and it has aids.
 unsigned Fields::flags_of_series_7(FilterState state, const Warnings& high, bool has_pulse) const noexcept {
   const bool is_gq7 = memory_.model().is(gq7);
   const bool is_settled = !high.is_any() && !is_in(Solution::State::aligning) && !is_in(Solution::State::coasting);
@@ -220,10 +221,10 @@ unsigned Fields::flags_of_series_7(FilterState state, const Warnings& high, bool
          (high.position ? 0x10U : 0U) | (high.velocity ? 0x20U : 0U) | (is_gq7 && !has_pulse ? 0x400U : 0U);
 }
 
-// Writes for each aid the second of the week, its source, its type, and whether it is enabled (1), was used (2) or
-// had a high residual (4) when it was due last (mip_sdk, data_filter.hpp; files.microstrain.com, GQ7 User Manual,
-// 0x82,0x46). A CV7 has the fixes as its host would send them (set 0x13). Where the solution is the truth, its fixes
-// are used.
+// Writes a field for each aid: the second of the week, the source, the type, and bits: the aid is enabled (1), was
+// used (2) or had a high residual (4) when it was last due (mip_sdk, data_filter.hpp; files.microstrain.com, GQ7 User
+// Manual, 0x82,0x46). For a CV7, fixes count as if its host had sent them (set 0x13). If the solution is the truth,
+// the fixes are reported as used.
 void Fields::put_aiding_summaries(Packet& packet, DeviceTime at) const noexcept {
   struct Aid {
     std::uint8_t source, type;
@@ -257,9 +258,9 @@ void Fields::put_aiding_summaries(Packet& packet, DeviceTime at) const noexcept 
   }
 }
 
-// Writes the second of the week, heading, its uncertainty, and flags: integers fixed, both receivers and the offsets
-// of their antennas valid. They are the receivers', and so there are none without a fix, although a filter may
-// navigate on, and there are some while it aligns. A sample has no other heading than the unit's attitude.
+// Writes the second of the week, the heading, its uncertainty, and flags: integers fixed, both receivers and the
+// offsets of their antennas valid. All are data of the receivers: they are valid with a fix, also while the filter
+// aligns, and zero without a fix, also while the filter navigates. The heading is the unit's: a sample has no other.
 void Fields::put_dual_antenna(Packet& packet, DeviceTime at) const noexcept {
   const Vector3 ypr = yaw_pitch_roll_from_dcm(sample_.q_LP.conjugate().toRotationMatrix());
   const bool is_fixed = sample_.fix().is_known;
@@ -271,9 +272,9 @@ void Fields::put_dual_antenna(Packet& packet, DeviceTime at) const noexcept {
   packet.put(std::uint16_t{is_fixed});
 }
 
-// Where the receiver reports the truth, its accuracies are as under an open sky. A receiver that has lost its fix
-// goes on reporting the last place, flagged as invalid (u-blox, ANTARIS 4 System Integration Manual, 4.6.5.2: the
-// position is extrapolated and indicated as no fix; without the extrapolation).
+// If the receiver reports the truth, its accuracies are as under an open sky. A receiver that has lost its fix goes
+// on reporting the last place, flagged as invalid. (u-blox, ANTARIS 4 System Integration Manual, 4.6.5.2: the
+// position is extrapolated and indicated as no fix. Here it is not extrapolated.)
 void Fields::put_gnss(Packet& packet, std::uint8_t descriptor, DeviceTime at) const noexcept {
   const Navigation& navigation = sample_.fix();
   const bool is_fixed = navigation.is_known;

@@ -43,7 +43,7 @@ void Memory::set_pin_state(std::uint8_t number, bool is_high) noexcept {
   pin_states_ = static_cast<std::uint8_t>(is_high ? pin_states_ | bit : pin_states_ & ~bit);
 }
 
-// Only one pin is the pulse-per-second input: "the second one will take precedence and the original pin's
+// Only one pin can be the pulse-per-second input: "the second one will take precedence and the original pin's
 // configuration will be reset".
 void Memory::configure_pin(std::uint8_t number) noexcept {
   for (std::uint8_t other = 1; other <= pins; ++other) {
@@ -77,7 +77,7 @@ Memory::Code Memory::pin_state(Reader& reader, Packet& answer) noexcept {
 
 // --- Pulse per second ---
 
-// The edge is the begin of a second of the GPS time that the host has set.
+// If the host has set the GPS time, the edge moves this time to the nearest full second.
 bool Memory::pps(DeviceTime at) noexcept {
   if (pulse_source() != PulseSource::gpio) return false;
   if (model_.is(series_7) && !has_pin({Pin::pps, Pin::input})) return false;

@@ -11,19 +11,19 @@
 
 namespace imud::mip {
 
-// All pins of a kind are connected to the same line: every pin that timestamps edges receives the edges of [imu.sync]
-// trigger_port, every pulse-per-second input the pulses of pps_port. Pulses leave by tov_port.
+// All pins of a kind are connected to one line. Every pin that timestamps edges receives the edges of [imu.sync]
+// trigger_port; every pulse-per-second input receives the pulses of pps_port. Pulses leave by tov_port.
 class Pins {
  public:
   Pins(Memory& memory, Fields& fields) noexcept : memory_(memory), fields_(fields) {}
 
   void restart() noexcept;
   void step_clock(Nanoseconds by) noexcept;
-  // A rising edge in (last sample, next sample]. One from before power-on or reset is ignored.
+  // Report a rising edge, of a time in (last sample, next sample]. Edges from before power-on or reset are ignored.
   void trigger(DeviceTime at) noexcept;
   void pps(DeviceTime at) noexcept;
-  // Executes the events since the last sample, and appends their messages; finds the pulse of this sample. Call it
-  // when Fields has the sample.
+  // Executes the events since the last sample, and appends their messages. Finds the pulse of this sample. Call this
+  // after Fields::set_sample().
   void sample(DeviceTime now, FrameBuffer& out) noexcept;
   std::optional<Device::Pulse> pulse() const noexcept { return pulse_; }
 

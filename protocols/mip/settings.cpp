@@ -19,7 +19,7 @@ constexpr std::uint8_t from_magnetometer[40] = {0, 0, 4, 0, 0, 0, 0, 0, 0, 0, 0,
                                                 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 2};
 
 // Columns: set, command, reply; models; size of the key, first key, number of keys; fewest and most bytes; initial
-// value; kind. Initial values, and the number of events, are guesses where the SDK is silent.
+// value; kind. Initial values and the number of events are guesses where the SDK does not state them.
 constexpr KeptSetting settings[] = {
     {three_dm, 0x28, 0xA8, cv7, 0, 0, 1, 1, 1, {}, KeptSetting::source},                  // pulse per second: none
     {three_dm, 0x28, 0xA8, gq7, 0, 0, 1, 1, 1, on, KeptSetting::source},                  // receiver 1
