@@ -1,5 +1,5 @@
-// The allocation of a node id by another node, with the rules A to E of dynamic_node_id.Allocation: three anonymous
-// requests have the parts of the unit's unique id.
+// The allocation of a node id by another node, by the rules A to E of dynamic_node_id.Allocation. The unit sends its
+// unique id in parts, in three anonymous requests.
 #pragma once
 
 #include <array>
@@ -16,23 +16,23 @@ namespace imud::dronecan {
 
 using UniqueId = std::array<std::uint8_t, 16>;
 
-// Returns the discriminator of the unit's anonymous messages, 14 bits: always the same.
+// Returns the discriminator of the unit's anonymous messages, 14 bits: the same for all messages of the unit.
 unsigned discriminator_of(const UniqueId& unique_id) noexcept;
 
 class Allocation {
  public:
   explicit Allocation(const UniqueId& unique_id) noexcept;
 
-  // Begins at `now`; requests are sent until there is a node id.
+  // Begins the allocation at `now`. Requests are due until there is a node id.
   void start(DeviceTime now) noexcept;
   void stop() noexcept { timers_.clear(); }
-  // As in Device; nullopt if nothing is requested.
+  // See Device::deadline(); nullopt if no node id is requested.
   std::optional<DeviceTime> deadline() const noexcept { return timers_.next(); }
-  // Writes the request that is due at `now`, which is deadline() or later.
+  // Returns the request that is due. Requires `now` at deadline() or later.
   Payload poll(DeviceTime now) noexcept;
   void step_clock(Nanoseconds by) noexcept { timers_.step_clock(by); }
 
-  // Reports that another node has requested a node id: this one waits.
+  // Reports that another node has requested a node id. This node then waits.
   void wait(DeviceTime now) noexcept;
   // Processes an allocator's message. Returns this unit's node id if the message assigns it.
   std::optional<unsigned> receive(std::span<const std::byte> message, DeviceTime now) noexcept;

@@ -5,7 +5,7 @@
 namespace imud::dronecan {
 namespace {
 
-// Decodes RawIMU of one node: the node of the setting, or, if 0, the first from which a whole transfer comes.
+// Decodes RawIMU of one node: the node of the setting or, if this is 0, the first node that sends a whole transfer.
 class DroneCanDecoder final : public Decoder {
  public:
   explicit DroneCanDecoder(unsigned node_id) noexcept : node_id_(node_id), source_(node_id) {}

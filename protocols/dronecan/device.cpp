@@ -1,10 +1,10 @@
 // An IMU on DroneCAN (UAVCAN v0): measurements, node status, services, parameters, a fixed or allocated node id, and
-// the time of the bus. It is no vendor's product: it sends the messages of AP_Periph and PX4's cannode, with a name
-// and versions from the settings. Its parts: transfer.hpp frames, messages.hpp layouts, services.hpp answers to
-// hosts, parameters.hpp parameters, allocation.hpp the node id, bus_time.hpp the time, settings.hpp the keys of
-// [imu.device], gnss.hpp the receiver; decoder.cpp reads RawIMU.
+// the time of the bus. The unit is no vendor's product: it sends the messages of AP_Periph and PX4's cannode, with a
+// name and versions from the settings. Its parts: transfer.hpp (frames), messages.hpp (layouts), services.hpp
+// (answers to hosts), parameters.hpp, allocation.hpp (the node id), bus_time.hpp (the time), settings.hpp (the keys
+// of [imu.device]), gnss.hpp (the receiver); decoder.cpp reads RawIMU.
 //
-// The host's changes of parameters apply at once, except for the node id: at the next restart.
+// A parameter that the host changes takes effect at once; the node id takes effect at the next restart.
 #include <algorithm>
 #include <array>
 #include <utility>
@@ -98,8 +98,8 @@ class DroneCanDevice final : public Device {
     count_errors();
   }
 
-  // ArduPilot's AP_Periph sends the latest values of its filters of second order, INS_GYRO_FILTER and
-  // INS_ACCEL_FILTER, 20 Hz as delivered, and integrals that are not filtered. (ArduPilot at 4908787:
+  // ArduPilot's AP_Periph sends the latest values behind its filters of second order, INS_GYRO_FILTER and
+  // INS_ACCEL_FILTER (20 Hz as delivered), and integrals that are not filtered. (ArduPilot at 4908787:
   // Tools/AP_Periph/imu.cpp, can_imu_update(); libraries/AP_InertialSensor/AP_InertialSensor.cpp,
   // DEFAULT_GYRO_FILTER, and AP_InertialSensor_Backend.cpp, apply_gyro_filters().)
   std::optional<SensorFilters> filters() const noexcept override {
@@ -170,8 +170,8 @@ class DroneCanDevice final : public Device {
     if (served == Served::restart) power_on(now);
   }
 
-  // Counts a message as received, and as refused if it is shorter than `size`. Returns true if there is a message,
-  // and it is long enough.
+  // Counts the message, if there is one, as received, and as refused if it is shorter than `size`. Returns true if
+  // there is a message of at least this size.
   bool is_long_enough(const std::optional<std::span<const std::byte>>& message, std::size_t size) noexcept {
     if (!message) return false;
     ++node_.statistics.transfers_received;

@@ -1,6 +1,6 @@
-// The messages of a GNSS receiver on the node: uavcan.equipment.gnss.Fix2 and Auxiliary. As their reader,
-// ArduPilot's AP_GPS_DroneCAN.cpp, needs them: the time as UTC, six variances. The receiver reports the place of the
-// sample, and the height above the ellipsoid in place of the one above mean sea level.
+// The messages of a GNSS receiver on the node: uavcan.equipment.gnss.Fix2 and Auxiliary. The time is UTC, and there
+// are six variances, as their reader needs them: ArduPilot's AP_GPS_DroneCAN.cpp. The receiver reports the place of
+// the sample. The height above the ellipsoid stands also for the height above mean sea level.
 #pragma once
 
 #include <cstdint>
@@ -11,9 +11,9 @@
 
 namespace imud::dronecan {
 
-// Where the place is not known, there is no fix: no time, no satellites, infinite variances are left out as 0, and
-// the dilutions of precision are not a number. `time_us`: the timestamp, 56 bits. `figures`: where 0, the variances
-// are as for a receiver under an open sky.
+// Return the payloads. If the place is not known, there is no fix: no time, no satellites, variances of 0 (unknown),
+// and dilutions of precision that are NaN. `time_us`: the timestamp, 56 bits. `figures`: the standard deviations; if
+// 0, the variances are typical of a receiver under an open sky.
 PackedPayload<gnss_fix2_size> fix2_of(const Navigation& navigation, const OwnFigures& figures,
                                       std::uint64_t time_us) noexcept;
 PackedPayload<gnss_auxiliary_size> auxiliary_of(const Navigation& navigation) noexcept;

@@ -1,6 +1,5 @@
-// The messages of DroneCAN that imud sends and receives, as their DSDL definitions have them
-// (github.com/dronecan/DSDL, folder uavcan). All are little-endian; arrays of covariances at the end are empty, and
-// have no length.
+// The messages of DroneCAN that imud sends and receives, by their DSDL definitions (github.com/dronecan/DSDL, folder
+// uavcan). All are little-endian. Arrays of covariances at the end of a message are empty, and have no length field.
 #pragma once
 
 #include <Eigen/Core>
@@ -34,8 +33,9 @@ inline constexpr DataType static_temperature{1029, false, 0x49272A6477D96271,
 inline constexpr DataType gnss_auxiliary{1061, false, 0x9BE8BDC4C3DBBFD2, "uavcan.equipment.gnss.Auxiliary"};
 inline constexpr DataType gnss_fix2{1063, false, 0xCA41E7000F37435F, "uavcan.equipment.gnss.Fix2"};
 
-// Returns the nearest float16, ties to even; saturates at 65504. A float cannot stand between: rounding twice may
-// differ. So the double's lowest 29 bits are first replaced by one sticky bit, and the float is exact.
+// Returns the nearest float16, ties to even; saturates at +-65504. Rounding first to a float and then to a float16
+// could give another result. Therefore one sticky bit first replaces the lowest 29 bits of the double, so that the
+// conversion to a float is exact.
 inline Half to_half(double value) noexcept {
   constexpr double largest = 65504;
   constexpr std::uint64_t sticky = std::uint64_t{1} << 29;
@@ -75,8 +75,8 @@ struct RawImuWire {
 static_assert(sizeof(RawImuWire) == 47);
 inline constexpr std::size_t most_covariances = 36;  // of RawIMU
 
-// The definition's linear acceleration is sent as specific force, as in RawIMU. It does not define the direction of
-// the rotation; here v_L = q * v_P.
+// The definition's linear acceleration is sent as specific force, as in RawIMU. The definition does not state the
+// direction of the rotation; here v_L = q * v_P.
 struct SolutionWire {
   little_uint56_buf_t time_us;
   Half orientation[4];       // x, y, z, w
@@ -105,8 +105,8 @@ struct StaticTemperatureWire {
 };
 static_assert(sizeof(StaticTemperatureWire) == 4);
 
-// Writes numbers of any length one after another, as DSDL serialises them: the bytes of a number from the lowest one
-// on, the last of which may be incomplete, and the bits of each byte from the highest one on.
+// Writes numbers of any length in bits one after another, as DSDL serialises them: first the lowest byte of a number,
+// last its highest byte, which may be incomplete; each byte from its highest bit on.
 template <std::size_t size>
 class PackedPayload {
  public:
@@ -119,14 +119,14 @@ class PackedPayload {
       bits -= count;
     }
   }
-  // Writes the nearest number; one that does not fit saturates.
+  // Writes the nearest signed integer of so many bits. A value outside the range saturates.
   void put_rounded(double value, unsigned bits) noexcept {
     const double limit = static_cast<double>(std::int64_t{1} << (bits - 1));
     put(static_cast<std::uint64_t>(std::llround(std::clamp(value, -limit, limit - 1))), bits);
   }
   void put_half(double value) noexcept { put(to_half(value).value(), 16); }
   void put_float(double value) noexcept { put(std::bit_cast<std::uint32_t>(to_float(value)), 32); }
-  // The payload; whole once `size` bytes are written.
+  // Returns the payload, which is complete when `size` bytes have been written.
   std::span<const std::byte> bytes() const noexcept { return bytes_; }
 
  private:
@@ -140,13 +140,13 @@ inline constexpr std::size_t gnss_auxiliary_size = 16;
 enum GnssTimeStandard : std::uint8_t { no_gnss_time, utc_gnss_time = 2 };
 enum FixStatus : std::uint8_t { no_fix, fix_3d = 3 };
 
-// The time of the bus, when the master sent its previous message of this type; 0 in its first.
+// The time of the bus at which the master sent its previous message of this type; 0 in its first message.
 struct GlobalTimeSyncWire {
   little_uint56_buf_t previous_us;
 };
 static_assert(sizeof(GlobalTimeSyncWire) == 7);
 
-// The payload of a transfer while it is written; what does not fit is left out.
+// The payload of a transfer while it is written. A part that does not fit is left out.
 class Payload {
  public:
   template <WireLayout T>

@@ -22,7 +22,7 @@ struct Identity {
   Nanoseconds start_up{};  // time in the mode initialization
 };
 
-// Since power-on.
+// Counts since power-on.
 struct TransportStatistics {
   std::uint64_t transfers_sent = 0, transfers_received = 0, transfer_errors = 0;
   std::uint64_t frames_sent = 0, frames_received = 0, frame_errors = 0;
@@ -32,8 +32,8 @@ struct Node {
   Identity identity;
   Memory memory;
   TransportStatistics statistics;
-  DeviceTime power_on;        // the time of it
-  unsigned id = anonymous;    // the node id; anonymous: it is not allocated yet
+  DeviceTime power_on;        // time of power-on
+  unsigned id = anonymous;    // the node id; anonymous: not allocated yet
   Health health = health_ok;  // the worst since the last NodeStatus
 
   bool is_operational(DeviceTime now) const noexcept { return now - power_on >= identity.start_up; }

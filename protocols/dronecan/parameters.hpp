@@ -1,5 +1,5 @@
-// The parameters of the node: what the host reads and writes by param.GetSet, each with the name of the key of
-// [imu.device] that it is as delivered.
+// The parameters of the node, which the host reads and writes by param.GetSet. Each has the name of the key of
+// [imu.device] that sets its value as delivered.
 #pragma once
 
 #include <array>

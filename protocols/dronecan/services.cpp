@@ -63,7 +63,7 @@ Served serve_transport_stats(Bytes, DeviceTime, Node& node, Payload& response) n
   return Served::answered;
 }
 
-// A data type is looked up by its name, or, if that is empty, by its id and kind.
+// Writes the response about a data type. `found`: nullptr if the node has no such type; `name`: the type's name.
 void put_data_type_info(const DataType* found, std::string_view name, Payload& response) noexcept {
   constexpr unsigned known = 1, subscribed = 2, publishing = 4, serving = 8;
   response.put(little_uint64_buf_t(found != nullptr ? found->signature : 0));
@@ -80,7 +80,7 @@ void put_data_type_info(const DataType* found, std::string_view name, Payload& r
 constexpr std::array messages = {&node_status,    &global_time_sync, &allocation,      &solution,
                                  &magnetic_field, &raw_imu,          &static_pressure, &static_temperature};
 
-// Returns the type with that name, or, if it is empty, with that id and kind; nullptr if there is none.
+// Returns the data type of this name or, if `name` is empty, of this id and kind; nullptr if there is none.
 const DataType* find_type(std::string_view name, unsigned id, bool is_service) noexcept;
 
 Served serve_data_type_info(Bytes bytes, DeviceTime, Node&, Payload& response) noexcept {
@@ -102,8 +102,8 @@ void put_value(bool is_flag, std::int64_t value, Payload& response) noexcept {
     response.put(little_int64_buf_t(value));
 }
 
-// A request begins with 13 bits of index and 3 bits of tag. A value of another type than the parameter's, or that is
-// not valid, is not set: the response has the present one.
+// A request begins with 13 bits of index and 3 bits of tag. The parameter is set if the value has the parameter's
+// type and is valid. The response has the parameter's present value.
 Served serve_get_set(Bytes bytes, DeviceTime, Node& node, Payload& response) noexcept {
   Memory& memory = node.memory;
   Request request(bytes);
@@ -167,7 +167,7 @@ Served serve_restart(Bytes bytes, DeviceTime, Node&, Payload& response) noexcept
 
 using namespace std::string_view_literals;
 
-// A service that the node only knows has no function, and always the same response.
+// A service. If the node only knows the service, `serve` is nullptr, and the response is always `refusal`.
 struct Service {
   DataType type;
   Served (*serve)(Bytes request, DeviceTime now, Node& node, Payload& response) noexcept;

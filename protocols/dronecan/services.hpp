@@ -1,5 +1,5 @@
-// The services of the node. It answers each service that it has. It refuses, in the service's own way, a service that
-// it only knows. DroneCAN has no refusal of an unknown service.
+// The services of the node. The node answers each service that it has. It refuses other services that it knows, each
+// by the error in the response of this service. DroneCAN has no refusal of an unknown service.
 #pragma once
 
 #include <span>
@@ -8,11 +8,11 @@
 
 namespace imud::dronecan {
 
-// Return the service, or the message that the node sends, with that id, or nullptr.
+// Return the service with this id, or the message with this id that the node sends; nullptr if there is none.
 const DataType* find_service(unsigned id) noexcept;
 const DataType* find_message(unsigned id) noexcept;
 
-// FrameSeal::reseal(), of a transfer of several frames that the node sends, and FrameSeal::transfer().
+// FrameSeal::reseal() and FrameSeal::transfer(), for transfers of several frames that the node sends.
 std::span<std::byte> reseal(std::span<std::byte> data, const CanHeader& can) noexcept;
 std::size_t transfer_frames(std::span<const Frame> frames) noexcept;
 
@@ -22,7 +22,7 @@ enum class Served : std::uint8_t {
   malformed,  // the request is too short, or impossible: there is no answer
 };
 
-// Executes a request of a service that find_service() returns, and writes the response.
+// Executes a request, and writes the response. `service`: from find_service().
 Served serve(const DataType& service, std::span<const std::byte> request, DeviceTime now, Node& node,
              Payload& response) noexcept;
 

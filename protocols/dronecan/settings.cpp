@@ -79,7 +79,7 @@ Product product_of(const Settings& settings) {
 std::vector<CanMessage> can_messages(const Settings& settings, double) {
   const Configuration c = configuration_of(settings);
   std::vector<CanMessage> messages;
-  // A node id that is allocated is listed as the highest one, which the first node to ask gets.
+  // An allocated node id is listed as the highest id, which an allocator assigns to the first node that asks.
   constexpr unsigned first_allocated = 125;
   const auto node_id = static_cast<unsigned>(c.values[node_id_key]);
   const auto add = [&](unsigned priority, const DataType& type, std::size_t size, std::int64_t rate) {
@@ -104,7 +104,8 @@ std::vector<CanMessage> can_messages(const Settings& settings, double) {
   return messages;
 }
 
-// NodeStatus shows other nodes with this node id, which the host may change: there is no filter of the destination.
+// All NodeStatus messages pass, because they show other nodes that have the unit's node id. The destination is not
+// filtered, because the host may change this node id.
 std::vector<CanFilter> can_filters(const Settings&) {
   constexpr std::uint32_t service = 0x80, message_type = 0xFFFF80, anonymous_type = 0x3FF;
   const auto messages_of = [](const DataType& type) {

@@ -71,7 +71,8 @@ struct Configuration {
 // All throw std::invalid_argument, whose message lists the valid values.
 Configuration configuration_of(const Settings& settings);
 Product product_of(const Settings& settings);
-// Responses are not listed: they are sent only if a host asks, and have the node's id as the other messages have.
+// Responses are not listed: they are sent only if a host asks, and their identifiers have the node's id like the
+// listed messages.
 std::vector<CanMessage> can_messages(const Settings& settings, double rate_hz);
 std::vector<CanFilter> can_filters(const Settings& settings);
 

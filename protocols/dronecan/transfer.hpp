@@ -9,9 +9,10 @@
 // | anonymous message | priority 5, discriminator 14, lowest 2 bits of the data type, 0, source 7 = 0             |
 // | service           | priority 5, data type 8, request 1, destination 7, 1, source 7                            |
 //
-// The last byte of every frame is the tail byte: first frame, last frame, toggle (0 in the first frame), and 5 bits
-// of transfer id. In a transfer of several frames, all but the last are full, and the payload is preceded by its
-// CRC-16-CCITT-FALSE, little-endian, which covers the 8 bytes of the data type's signature and the payload.
+// The last byte of every frame is the tail byte: bits for the first frame, the last frame, and the toggle (0 in the
+// first frame), and 5 bits of transfer id. In a transfer of several frames, all frames but the last are full, and a
+// CRC-16-CCITT-FALSE, little-endian, precedes the payload. The CRC covers the 8 bytes of the data type's signature
+// and the payload.
 #pragma once
 
 #include <array>
@@ -70,22 +71,24 @@ struct Tail {
   std::byte byte() const noexcept;
 };
 
-// Appends the frames of a transfer to `out` and returns their number; appends nothing and returns 0 if there is not
-// enough room for all.
+// Appends the frames of a transfer to `out`, and returns the number of frames. If there is not enough room for all,
+// appends nothing and returns 0.
 std::size_t send(const Identifier& identifier, const DataType& type, unsigned transfer_id,
                  std::span<const std::byte> payload, FrameBuffer& out) noexcept;
 
-// Writes the CRC of a transfer of several frames to `data`, the data of these frames one after another. Returns the
-// rest after the CRC, without the last tail byte. Empty, and nothing is written, if it is no such transfer.
+// Writes the right CRC to `data`, the data of all frames of a transfer, one after another. Returns the bytes behind
+// the CRC, without the last tail byte. If `data` is no transfer of several frames, writes nothing and returns an
+// empty span.
 std::span<std::byte> reseal_transfer(std::span<std::byte> data, const DataType& type) noexcept;
 
-// Assembles transfers of one data type from one node. A frame out of turn is discarded, as a controller may receive
-// one twice (the toggle's purpose); where one is missing, the CRC or the length is wrong. A transfer that another one
-// follows before its last frame is counted as incomplete; one whose frames are not full or are too many, as
-// malformed.
+// Assembles transfers of one data type from one node. A frame with the wrong toggle is discarded, because a
+// controller may receive a frame twice. If a frame is missing, the CRC or the length is wrong. If the next transfer
+// begins before the last frame of a transfer, this transfer is counted as incomplete. A transfer is malformed if its
+// frames are not full, or too many.
 class Reception {
  public:
-  // Processes the data of one frame. Returns true if a transfer is complete: payload() holds it until the next call.
+  // Processes the data of one frame. Returns true if a transfer is complete. Then payload() is valid until the next
+  // call.
   bool feed(std::span<const std::byte> frame, const DataType& type, DecodeErrors& errors) noexcept;
   bool is_active() const noexcept { return is_active_; }  // a transfer has begun
   void clear() noexcept { is_active_ = false; }           // discards an unfinished transfer
@@ -100,18 +103,18 @@ class Reception {
   bool is_active_ = false, toggle_ = false;
 };
 
-// Assembles the transfers of all nodes. Discards repetitions of a transfer, and transfers that take too long. If the
-// slots do not suffice, the nodes and data types received least recently are discarded.
+// Assembles the transfers of all nodes. Discards repetitions of a transfer, and transfers that take too long. If
+// there are more nodes and data types than slots, the slot that was used least recently is taken over.
 class Receiver {
  public:
-  // Returns the payload if the transfer is complete; it stays valid until the next call.
+  // Processes the data of one frame. Returns the payload if a transfer is complete; valid until the next call.
   std::optional<std::span<const std::byte>> feed(const Identifier& identifier, const DataType& type,
                                                  std::span<const std::byte> frame, DeviceTime now) noexcept;
-  // As in Device.
+  // See Device::deadline().
   std::optional<DeviceTime> deadline() const noexcept { return deadline_; }
   void poll(DeviceTime now) noexcept;
   void step_clock(Nanoseconds by) noexcept;
-  // Discards all transfers; the counters stay.
+  // Discards all transfers, but keeps the counters.
   void clear() noexcept;
 
   const DecodeErrors& errors() const noexcept { return errors_; }
@@ -127,9 +130,10 @@ class Receiver {
     DeviceTime last_time;                      // when it was completed
     std::uint64_t used = 0;                    // number of the last frame received
   };
-  // Returns the slot of a node and data type; if there is none, the first frame of a transfer gets one.
+  // Returns the slot of a node and data type. If there is none, returns a new slot for the first frame of a transfer,
+  // otherwise nullptr.
   Slot* slot_of(const Identifier& identifier, bool is_first) noexcept;
-  // Computes deadline_. Called after each change of a reception.
+  // Computes deadline_. Call this after each change of a reception.
   void find_deadline() noexcept;
 
   std::array<Slot, 16> slots_;
