@@ -11,8 +11,8 @@
 // | 1012 (0x100)   | TIME                             | 0x7E5          | LSS: request                               |
 // | 1800 (0x180 +) | TPDO1 to TPDO4, 0x100 apart      | 0x7E4          | LSS: answer                                |
 //
-// All numbers are little-endian. A comment names an object by its index in hexadecimal digits, as 1017, and its
-// subindex, as 1018:4.
+// All numbers are little-endian. Comments name an object by its index in hexadecimal digits, such as 1017, and by its
+// subindex, such as 1018:4.
 #pragma once
 
 #include <chrono>
@@ -39,10 +39,10 @@ inline constexpr std::uint32_t nmt_id = 0, emcy_id = 0x080, first_tpdo_id = 0x18
 // Bits of a COB-ID object (1005, 1012, 1014, 1800:1).
 inline constexpr std::uint32_t can_id_bits = 0x7FF, extended_bit = 1U << 29, bit_30 = 1U << 30, bit_31 = 1U << 31;
 
-// The values are as in a heartbeat.
+// The state of the device (NMT), with the values of a heartbeat.
 enum class State : std::uint8_t { booting = 0, stopped = 4, operational = 5, pre_operational = 127 };
 
-// The reasons for which the device acts on its own, in the order in which it does so.
+// The deadlines at which the device acts on its own. If several are due, the device acts in this order.
 enum class Alarm : std::uint8_t {
   boot,
   sdo_timeout,

@@ -1,6 +1,6 @@
-// Decodes the transmit PDOs with the mapping of the settings. PDOs that are sent at the same time, with
-// the same type and event timer, make one measurement. They come in the order of their identifiers, and
-// their counters agree, if any.
+// Decodes the transmit PDOs with the mapping of the settings. PDOs with the same type and event timer are sent at the
+// same time, and form a set: one measurement. The PDOs of a set must arrive in the order of their identifiers, and
+// their counters, if any, must agree.
 #include <cmath>
 
 #include "protocols/canopen/pdo.hpp"
@@ -23,7 +23,7 @@ class CanopenDecoder final : public Decoder {
       lsbs_[q][0] = double{lsb_of(settings, static_cast<Quantity>(q))};
       lsbs_[q][1] = double{lsb_32[q]};
     }
-    // A PDO joins the first one with the same schedule.
+    // A PDO belongs to the set of the first PDO with the same schedule.
     std::array<std::size_t, tpdos> last_of_set = {none, none, none, none};
     for (std::size_t i = 0; i < tpdos; ++i) {
       if (!tpdos_[i].is_enabled) continue;
@@ -67,7 +67,7 @@ class CanopenDecoder final : public Decoder {
     set.newest = i;
     if (!is_last_[i]) return;
     set.newest = none;
-    set.is_refused = true;  // nothing more may follow but a first frame
+    set.is_refused = true;  // only the first frame of the next set may follow
     if (set.measurement.fields != 0) sink.on_measurement(set.measurement);
   }
 
@@ -78,10 +78,10 @@ class CanopenDecoder final : public Decoder {
  private:
   struct Set {
     Measurement measurement;
-    std::array<unsigned, quantities> axes = {};  // a bit for each that has come
-    std::size_t counter_size = 0;                // bytes of the longest counter that has come
-    std::size_t newest = none;                   // the PDO that came last; none: the set has not begun
-    bool is_refused = false;                     // and counted
+    std::array<unsigned, quantities> axes = {};  // a bit for each axis that was received
+    std::size_t counter_size = 0;                // bytes of the longest counter that was received
+    std::size_t newest = none;                   // the last PDO received; none: the set has not begun
+    bool is_refused = false;                     // the set is refused, and was counted
   };
   struct Parts {
     Set& set;
@@ -147,7 +147,8 @@ class CanopenDecoder final : public Decoder {
     return static_cast<double>(std::bit_cast<float>(static_cast<std::uint32_t>(bits)));
   }
 
-  // Unwraps the time: with these low bits, the nearest to the previous time. The first is taken as it is.
+  // Unwraps the time: takes the time with these low bits that is nearest to the previous time. The first time is
+  // taken unchanged.
   void decode_time(const Object& object, std::uint64_t bits, Measurement& measurement) noexcept {
     if (object.type == Type::time_of_day) return;
     constexpr std::array<std::int64_t, 3> units = {100'000, 1000, 1};  // ns

@@ -1,9 +1,10 @@
-// A CANopen slave with the objects of an inertial unit, after CiA 301: canopen.hpp. Here: its states (NMT), and which
-// message is whose.
+// A CANopen slave with the objects of an inertial unit, by CiA 301 (canopen.hpp). This file has the states (NMT), and
+// passes each message to the part that processes it.
 //
 // After power on or a reset the device is silent for its start-up time. Then it sends a boot-up message, and is
 // pre-operational until a master starts it, unless it starts itself (1F80). Without a node id it waits for LSS. A bit
-// rate that LSS sets is stored and reported (2002:2), but has no effect: the administrator sets the interface's.
+// rate that LSS sets is stored and reported (2002:2), but has no effect: the administrator sets the bit rate of the
+// interface.
 
 #include "protocols/canopen/sdo_server.hpp"
 #include "protocols/canopen/settings.hpp"
@@ -150,7 +151,7 @@ class CanopenDevice final : public Device {
     }
   }
 
-  // 1029:1, after an error of the communication.
+  // Changes the state as 1029:1 demands after an error of the communication.
   void react_to_error() noexcept {
     switch (node_.dictionary[at(0x1029, 1)]) {
       case 0:
@@ -250,7 +251,7 @@ class CanopenDevice final : public Device {
     }
   }
 
-  // Returns true if only this node may send with that identifier.
+  // Returns true if only this node may send messages with this identifier.
   bool is_own(std::uint32_t id) const noexcept {
     const std::uint32_t emergency = node_.dictionary.u32(at(0x1014));
     return id == heartbeat_id + node_id_ || id == sdo_answer_id + node_id_ ||
@@ -266,7 +267,7 @@ class CanopenDevice final : public Device {
     poll(now, out);
   }
 
-  // The sample that a SYNC asks for is the newest one at its arrival.
+  // A SYNC acts at once: its PDOs have the newest sample at its arrival.
   void receive_sync(std::span<const std::byte> data, DeviceTime now, FrameBuffer& out) noexcept {
     const std::size_t wanted = node_.dictionary[at(0x1019)] != 0 ? 1 : 0;
     if (data.size() != wanted) {

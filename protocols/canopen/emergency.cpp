@@ -46,7 +46,7 @@ void Emergencies::report(bool may_send, DeviceTime now, FrameBuffer& out) noexce
   for (std::size_t i = 0; i < errors_.size();) {
     One& one = errors_[i];
     const auto error = static_cast<Error>(i);
-    if (one.is_reported) one.has_begun = false;  // it has ended and begun again, and so goes on
+    if (one.is_reported) one.has_begun = false;  // an error that has ended and begun again counts as going on
     const bool ends = one.is_reported && !one.exists;
     if (!one.has_begun && !ends) {
       ++i;

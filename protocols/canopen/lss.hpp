@@ -1,4 +1,5 @@
-// The LSS slave (CiA 305): gives the node its id, by switching to one slave, or by finding one that has none.
+// The LSS slave (CiA 305), by which a master sets the node id. The master selects one slave by its identity, or finds
+// a slave without a node id.
 #pragma once
 
 #include "protocols/canopen/canopen.hpp"
@@ -17,12 +18,13 @@ class LssSlave {
 
   // Loads the stored values.
   void power_on() noexcept;
-  // Processes a message of the LSS master. `node_id` is the one that the device has now.
+  // Processes a message of the LSS master. `node_id`: the present node id of the device.
   void receive(std::span<const std::byte, 8> message, unsigned node_id, FrameBuffer& out) noexcept;
 
   // The node id that the device takes at the next reset of its communication.
   unsigned node_id() const noexcept { return pending_.node_id; }
-  // The index of the bit rate (CiA 305, table 1), which is the administrator's to set, and so changes nothing here.
+  // The index of the bit rate (CiA 305, table 1). It has no effect: the administrator sets the bit rate of an
+  // interface.
   unsigned bit_rate() const noexcept { return pending_.bit_rate; }
   bool is_configuring() const noexcept { return is_configuring_; }
 
@@ -41,7 +43,7 @@ class LssSlave {
   Identity identity_;
   Configuration stored_, pending_;
   bool is_configuring_ = false;
-  unsigned selected_ = 0;  // numbers of the identity that have matched, in order
+  unsigned selected_ = 0;  // how many numbers of the identity, in order, have matched
   unsigned identified_ = 0;
   unsigned scanned_ = 0;  // the number of the identity that fastscan scans
 };

@@ -62,7 +62,7 @@ std::uint64_t time(unsigned sub, const Reading& reading) noexcept {
   }
 }
 
-// Both in units of 6000.
+// slope_value() returns the angle of a slope, signed_parameter() a parameter of a slope; both in units of 6000.
 double slope_value(std::uint16_t index, const Reading& reading) noexcept {
   const bool is_lateral = (index & 0xF0U) == 0x20;
   const bool is_inverted = (reading.dictionary[find_object(static_cast<std::uint16_t>(index + 1), 0)] & 1U) != 0;

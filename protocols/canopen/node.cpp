@@ -20,7 +20,7 @@ bool is_lsb(const Object& object) noexcept {
   return object.index >= first_quantity && object.index < first_quantity + 0x10 * quantities &&
          (object.index & 0xFU) == 3;
 }
-// 6012 and its likes.
+// Returns true for the preset of a slope (6012, 6022, 6112, 6122).
 bool is_preset(const Object& object) noexcept { return object.index > slopes.front() && (object.index & 0xFU) == 2; }
 
 }  // namespace
@@ -68,7 +68,7 @@ std::uint64_t Node::number(std::size_t position) const noexcept {
       return object.sub <= emergencies.history_size() ? emergencies.history(object.sub - 1U) : 0;
     case 0x1010:
     case 0x1011:
-      return 1;  // the device does it on command
+      return 1;  // the device stores and loads on command
     case 0x2002:
       return object.sub == 1 ? lss.node_id() : lss.bit_rate();
     default:
@@ -156,7 +156,8 @@ Abort Node::check_value(std::size_t position, std::uint64_t value) const noexcep
   }
 }
 
-// SYNC and TIME are consumed only. No identifier has 29 bits. A valid EMCY identifier cannot change.
+// The device only receives SYNC and TIME. No identifier may have 29 bits. The identifier of EMCY cannot change while
+// it is valid.
 Abort Node::check_cob_id(std::size_t position, std::uint64_t value) const noexcept {
   const bool is_emergency = position == at(0x1014);
   const std::uint64_t kept = can_id_bits | (position == at(0x1005) ? 0U : bit_31);

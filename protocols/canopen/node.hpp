@@ -1,4 +1,4 @@
-// The objects of the node as SDO reads and writes them, over the parts that own them.
+// The objects of the node, as SDO reads and writes them, with the parts that own them.
 #pragma once
 
 #include <span>
@@ -22,18 +22,19 @@ class Node {
  public:
   Node(const ObjectDictionary& delivered, const Identity& identity, unsigned node_id) noexcept;
 
-  // Copies the value of an object to `value`, which has room for longest_text bytes, and sets `size`.
+  // Copies the value of an object to `value`, and sets `size`. Requires room for longest_text bytes. Returns
+  // Abort::none, or the reason why the object cannot be read.
   Abort read(std::uint16_t index, std::uint8_t sub, std::span<std::byte> value, std::size_t& size) noexcept;
-  // Returns the reason why no value of that size can be written, or Abort::none. nullopt: the size is not known yet.
+  // Returns the reason why no value of this size can be written, or Abort::none. `size`: nullopt: not known yet.
   Abort check_write(std::uint16_t index, std::uint8_t sub, std::optional<std::size_t> size) const noexcept;
   // Writes a value that check_write() allows. Returns the reason why the object does not accept it, or Abort::none.
   Abort write(std::uint16_t index, std::uint8_t sub, std::span<const std::byte> value, DeviceTime now) noexcept;
 
-  // Load all objects, or the communication objects, as after power on, for the node id that LSS has set.
+  // Load all objects, or only the communication objects, as after power on, with the node id that LSS has set.
   void load_all() noexcept;
   void load_communication() noexcept;
 
-  // Has the increments of the sample alone.
+  // Returns a reading with the increments of the newest sample alone.
   Reading reading() const noexcept { return {dictionary, sample, sample_increments, time_of_day}; }
 
   Alarms alarms;

@@ -38,7 +38,7 @@ enum class Abort : std::uint32_t {
   state = 0x0800'0022,  // the present state of the device forbids it
 };
 
-// Data types (CiA 301, table 44). The values are the data type's index.
+// Data types (CiA 301, table 44), with the values of their indexes.
 enum class Type : std::uint8_t {
   i16 = 0x03,
   i32 = 0x04,
@@ -50,7 +50,7 @@ enum class Type : std::uint8_t {
   time_of_day = 0x0C,
   u64 = 0x1B
 };
-// Returns the size in bytes; 0: it varies.
+// Returns the size of a type in bytes; 0 for a type of variable size.
 constexpr std::size_t size_of(Type type) noexcept {
   switch (type) {
     case Type::u8:
@@ -73,11 +73,11 @@ constexpr std::size_t size_of(Type type) noexcept {
 }
 
 enum class Access : std::uint8_t { constant, read_only, write_only, read_write };
-// How the value comes about.
+// The origin of an object's value.
 enum class Source : std::uint8_t {
-  number,     // it has its initial value until it is written
+  number,     // the initial value until a value is written
   computed,   // a measurement, state or text
-  parameter,  // as `number`, and 1010 stores it
+  parameter,  // as `number`; 1010 stores the value
 };
 
 struct Object {
@@ -87,8 +87,8 @@ struct Object {
   Access access = Access::read_only;
   Source source = Source::number;
   std::uint64_t initial = 0;
-  std::uint64_t largest = ~std::uint64_t{0};  // value that can be written
-  bool adds_node_id = false;                  // to the initial value
+  std::uint64_t largest = ~std::uint64_t{0};  // the largest value that can be written
+  bool adds_node_id = false;                  // the node id is added to the initial value
   bool is_mappable = false;
 
   constexpr bool operator==(const Object&) const = default;
@@ -97,8 +97,8 @@ struct Object {
 inline constexpr std::size_t tpdos = 4, largest_mapping = 8, errors_kept = 8, parameter_groups = 4;
 inline constexpr std::size_t longest_text = 1024;  // bytes of an object of type text, and so of any object
 
-// The quantities with objects of an axis each: 2100 + 10 (hexadecimal) for each quantity, and their subindexes 1
-// to 3.
+// The quantities with an object for each axis. The objects begin at 2100 (hexadecimal), 10 for each quantity; the
+// subindexes 1 to 3 are the axes.
 //   + 0: i16, in LSBs of + 3:1       + 2: f32, in SI
 //   + 1: i32, in LSBs of + 3:2       + 3: the LSBs in SI, f32
 enum class Quantity : std::uint8_t { rate, specific_force, delta_angle, delta_velocity, magnetic_field };
@@ -112,8 +112,8 @@ inline constexpr std::array<float, quantities> lsb_32 = {0x1p-24F, 0x1p-20F, 0x1
 inline constexpr std::array<std::uint16_t, 4> slopes = {0x6010, 0x6020, 0x6110, 0x6120};
 
 // The device type of a two-axis inclinometer of up to 32 bits: profile 410, variant 4. Source: Baumer, GNAMG CANopen
-// manual of 2012, p. 18, object 1000. A configurator (rumia) expects 0x2019A, two axes of 16 bits; CiA
-// 410 itself was not at hand.
+// manual of 2012, p. 18, object 1000. A configurator (rumia) expects 0x2019A, two axes of 16 bits. CiA 410 itself was
+// not at hand.
 inline constexpr std::uint32_t inclinometer_32_bit = 0x4019A;
 
 namespace detail {
@@ -200,7 +200,7 @@ constexpr ObjectList list_objects() {
   // The unit.
   add({0x2000, 0, text, read_write, computed});  // a note of the user
   add({0x2001, 0, u8, write_only, number, 0, 1});
-  add_count(0x2002, 2);  // what LSS has set: the node id for the next reset, the index of the bit rate
+  add_count(0x2002, 2);  // settings by LSS: the node id from the next reset on, the index of the bit rate
   add({0x2002, 1, u8, read_only, computed});
   add({0x2002, 2, u8, read_only, computed});
   for (unsigned q = 0; q < quantities; ++q) {
@@ -216,7 +216,7 @@ constexpr ObjectList list_objects() {
   // Time of the sample: 100 us, 1 us and 1 ns of the device's clock; time of day, by TIME.
   add_all_measured(0x2170, {u16, u32, u64, time_of_day});
   add_all_measured(0x2180, {u8, u16, u32, u64});  // counter of samples
-  add_all_measured(0x2190, {u8, u16, u32});       // status, as 1002: its low bits
+  add_all_measured(0x2190, {u8, u16, u32});       // the low bits of the status, as in 1002
 
   // Inclinometer (CiA 410): resolution in 0.001 degree, and for each slope its value, operating parameter, preset,
   // offset, differential offset.
@@ -248,7 +248,7 @@ constexpr std::size_t find_object(std::uint16_t index, std::uint8_t sub) noexcep
   const bool is_found = at != objects.end() && at->index == index && at->sub == sub;
   return is_found ? static_cast<std::size_t>(at - objects.begin()) : object_count;
 }
-// Returns true if an object has that index.
+// Returns true if at least one object has this index.
 constexpr bool has_object(std::uint16_t index) noexcept {
   const auto at = std::partition_point(objects.begin(), objects.end(),
                                        [&](const Object& object) { return object.index < index; });
@@ -259,10 +259,10 @@ consteval std::size_t at(std::uint16_t index, std::uint8_t sub = 0) {
   return find_object(index, sub) < object_count ? find_object(index, sub) : throw "no such object";
 }
 
-// The values of numbers and parameters: present, as delivered, and in non-volatile memory.
+// The values of numbers and parameters: at present, as delivered, and in non-volatile memory.
 class ObjectDictionary {
  public:
-  // The value as delivered; to be called before the first load(). Without the node id, where one is added.
+  // Sets the value as delivered, without an added node id. Call this before the first load().
   void set_delivered(std::size_t position, std::uint64_t value) noexcept { delivered_[position] = value; }
 
   std::uint64_t operator[](std::size_t position) const noexcept { return values_[position]; }
@@ -272,11 +272,11 @@ class ObjectDictionary {
   }
   void set(std::size_t position, std::uint64_t value) noexcept { values_[position] = value; }
 
-  // Loads the objects with indexes in [first, last] as after power on: the stored value, or the one as delivered. The
-  // device has the node id from now on.
+  // Loads the objects with indexes in [first, last] as after power on: the stored value or, if there is none, the
+  // value as delivered. Sets the node id of the device.
   void load(std::uint16_t first, std::uint16_t last, unsigned node_id) noexcept;
-  // Stores the parameters in [first, last], or forgets their stored values. A parameter that has its value as
-  // delivered is not stored, so that identifiers follow a new node id.
+  // store() stores the parameters in [first, last]; forget() forgets their stored values. A parameter with its value
+  // as delivered is not stored, so that its identifier follows a new node id.
   void store(std::uint16_t first, std::uint16_t last) noexcept;
   void forget(std::uint16_t first, std::uint16_t last) noexcept;
 

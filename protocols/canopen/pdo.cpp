@@ -133,7 +133,7 @@ void TransmitPdos::on_sample(const Reading& reading, FrameBuffer& out) noexcept 
     Pdo& pdo = pdos_[i];
     if (!pdo.is_valid() || !is_event_driven(pdo.type) || (pdo.next && now < *pdo.next)) continue;
     transmit(pdo, reading, out);
-    // The timer's own grid has no drift.
+    // The next time is on the grid of the timer, so that it does not drift.
     const Nanoseconds late = pdo.next ? now - *pdo.next : Nanoseconds{0};
     const DeviceTime timed = pdo.timer > Nanoseconds{0} ? now - late % pdo.timer + pdo.timer : now;
     pdo.next = std::max(timed, now + pdo.inhibit);
@@ -176,7 +176,7 @@ bool TransmitPdos::on_remote(std::uint32_t id, const Reading& reading, FrameBuff
   return false;
 }
 
-// Takes the increments.
+// Returns the payload, and restarts the increments of the PDO.
 TransmitPdos::Payload TransmitPdos::payload(Pdo& pdo, const Reading& reading) const noexcept {
   const Reading own{reading.dictionary, reading.sample, pdo.increments, reading.time_of_day};
   Payload data = {};

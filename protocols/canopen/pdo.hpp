@@ -9,9 +9,9 @@
 // | 254, 255          | with the first sample after the event timer (1800:5) has elapsed; if it is 0, with each     |
 // |                   | sample, but not before the inhibit time (1800:3) has passed                                 |
 //
-// A PDO without objects is never sent.
-// A PDO of any other type than 252 also answers a remote request, unless bit 30 of its COB-ID (1800:1) forbids it.
-// Increments are the sums over the samples since the PDO was sent last, or since the device became operational.
+// A PDO without objects is never sent. A PDO of any type answers a remote request, unless bit 30 of its COB-ID
+// (1800:1) forbids this. Increments are the sums over the samples since the PDO was last sent, or since the device
+// became operational.
 #pragma once
 
 #include "protocols/canopen/measured.hpp"
@@ -22,25 +22,25 @@ class TransmitPdos {
  public:
   explicit TransmitPdos(const ObjectDictionary& dictionary) noexcept : dictionary_(dictionary) { update(); }
 
-  // The device becomes operational: all schedules begin.
+  // Begins all schedules. Call this when the device becomes operational.
   void start() noexcept;
-  // Reads the parameters again, after one of them has changed.
+  // Reads the parameters again. Call this after a parameter has changed.
   void update() noexcept;
 
-  // Returns the reason why a parameter (1800 to 1A03) cannot have that value now, or Abort::none.
+  // Returns the reason why a parameter (1800 to 1A03) cannot be set to this value now, or Abort::none.
   Abort check(const Object& object, std::uint64_t value) const noexcept;
 
-  // The following are called while the device is operational. `reading` has the newest sample; its increments are not
-  // used.
+  // Call these functions only while the device is operational. `reading` must have the newest sample; its increments
+  // are not used.
   void add(const Sample& sample) noexcept;  // before on_sample()
   void on_sample(const Reading& reading, FrameBuffer& out) noexcept;
-  // `counter`: of the SYNC; 0: it has none.
+  // `counter`: of the SYNC; 0: the SYNC has no counter.
   void on_sync(unsigned counter, const Reading& reading, FrameBuffer& out) noexcept;
-  // Returns false if no PDO has that identifier.
+  // Answers a remote request. Returns false if no PDO has this identifier.
   bool on_remote(std::uint32_t id, const Reading& reading, FrameBuffer& out) noexcept;
 
   void restart_increments() noexcept;
-  // Returns true if a valid PDO has that identifier.
+  // Returns true if a valid PDO has this identifier.
   bool uses(std::uint32_t id) const noexcept;
   void set_error_register(std::uint8_t value) noexcept { error_register_ = value; }
   void step_clock(Nanoseconds by) noexcept;
@@ -56,9 +56,9 @@ class TransmitPdos {
     std::size_t size = 0;
 
     Increments increments;
-    bool has_sample = false;         // since it was sent last
-    std::optional<DeviceTime> next;  // time before which it is not sent
-    unsigned syncs = 0;              // to go before it is sent; 0: the start value is awaited
+    bool has_sample = false;         // there is a sample since the PDO was last sent
+    std::optional<DeviceTime> next;  // the PDO is not sent before this time
+    unsigned syncs = 0;              // SYNCs until the PDO is sent; 0: the start value is awaited
     std::optional<Payload> latched;  // type 252
 
     bool is_valid() const noexcept { return (cob_id & bit_31) == 0; }
@@ -79,13 +79,13 @@ class TransmitPdos {
   std::uint8_t error_register_ = 0;
 };
 
-// Returns true if no object may have that identifier by a setting (CiA 301, table 39).
+// Returns true if no COB-ID may be set to this identifier (CiA 301, table 39).
 constexpr bool is_restricted(std::uint32_t id) noexcept {
   return id <= 0x07F || (id > 0x100 && id <= 0x180) || (id > 0x580 && id <= 0x5FF) || (id > 0x600 && id <= 0x67F) ||
          (id >= 0x6E0 && id <= 0x6FF) || id > 0x700;
 }
-// Returns the position of the object that an entry of a mapping (1A00:1 to :8) maps; object_count if it is no
-// mappable object, or the length in the entry is not its length.
+// Returns the position of the object that an entry of a mapping (1A00:1 to :8) maps. Returns object_count if the
+// object is not mappable, or if its length differs from the length in the entry.
 std::size_t mapped_object(std::uint32_t entry) noexcept;
 // Returns the entry that maps an object.
 constexpr std::uint32_t mapping_of(const Object& object) noexcept {

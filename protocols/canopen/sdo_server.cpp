@@ -88,7 +88,7 @@ void SdoServer::time_out(FrameBuffer& out) noexcept { abort(Abort::timeout, out)
 
 // --- Upload
 
-// Reads the object that the request addresses; aborts if that cannot be read.
+// Reads the object that the request addresses. Returns false, after an abort, if the object cannot be read.
 bool SdoServer::open(Request request, FrameBuffer& out) noexcept {
   address(request);
   size_ = done_ = 0;
@@ -152,7 +152,7 @@ void SdoServer::begin_download(Request request, DeviceTime now, FrameBuffer& out
   answer(header(0x60), out);
 }
 
-// Prepares the reception of several segments; aborts if the object cannot be written.
+// Prepares to receive several segments, or aborts if the object cannot be written.
 void SdoServer::begin_receiving(bool has_size, Request request, FrameBuffer& out) noexcept {
   address(request);
   announced_.reset();
@@ -206,7 +206,7 @@ void SdoServer::begin_block_download(Request request, FrameBuffer& out) noexcept
   answer(message, out);
 }
 
-// A segment out of order is not appended: the acknowledgement of the block asks for it again.
+// A segment out of order is not appended. The acknowledgement of the block asks for this segment again.
 void SdoServer::block_segment(Request request, FrameBuffer& out) noexcept {
   const unsigned first = byte(request, 0), sequence = first & ~last_bit;
   if (sequence == 0) return abort(Abort::sequence, out);

@@ -1,5 +1,5 @@
-// The SDO server (CiA 301, 7.2.4): uploads and downloads, expedited, segmented and in blocks with CRC. One transfer
-// at a time; a new one replaces an unfinished one.
+// The SDO server (CiA 301, 7.2.4): uploads and downloads, expedited, segmented, and in blocks with a CRC. There is
+// one transfer at a time. A new transfer replaces an unfinished one.
 #pragma once
 
 #include <cstdint>
@@ -16,13 +16,13 @@ class SdoServer {
 
   explicit SdoServer(Node& node) noexcept : node_(node) {}
 
-  // Ends a transfer silently. `node_id` is the one whose requests are answered.
+  // Ends a transfer without a message. `node_id`: requests to this node are answered from now on.
   void reset(unsigned node_id) noexcept;
   // Processes a request of 8 bytes.
   void receive(Request request, DeviceTime now, FrameBuffer& out) noexcept;
-  // Alarm::sdo_timeout: aborts the transfer.
+  // Aborts the transfer. Call this at Alarm::sdo_timeout.
   void time_out(FrameBuffer& out) noexcept;
-  // Alarm::sdo_block: sends further segments of a block upload.
+  // Sends further segments of a block upload. Call this at Alarm::sdo_block.
   void continue_block(DeviceTime now, FrameBuffer& out) noexcept;
 
   // Returns the number of transfers that either side has aborted.
@@ -34,10 +34,10 @@ class SdoServer {
     upload,
     download,
     block_download,      // segments are awaited
-    block_download_end,  // all segments have come
+    block_download_end,  // all segments were received
     block_upload_start,  // the client's start is awaited
     block_upload,        // segments are being sent, or their acknowledgement is awaited
-    block_upload_end,    // all are acknowledged, and the client's end is awaited
+    block_upload_end,    // all segments are acknowledged; the client's end is awaited
   };
   using Message = std::array<std::byte, 8>;
 
@@ -73,13 +73,13 @@ class SdoServer {
   std::uint16_t index_ = 0;
   std::uint8_t sub_ = 0;
   std::array<std::byte, longest_text + 8> data_;  // a last segment may have up to 7 bytes too many
-  std::size_t size_ = 0;                          // of the object; a download: bytes received
+  std::size_t size_ = 0;                          // of the object; in a download: bytes received
   std::optional<std::size_t> announced_;          // size of a download, if the client gave it
-  std::size_t done_ = 0;                          // bytes uploaded; of a block upload: acknowledged
+  std::size_t done_ = 0;                          // bytes uploaded; in a block upload: bytes acknowledged
   bool toggle_ = false;
   bool has_crc_ = false;
   unsigned block_size_ = 0;  // segments
-  unsigned sequence_ = 0;    // of the last segment of the block that was sent, or received in order
+  unsigned sequence_ = 0;    // number of the last segment in the block that was sent, or received in order
 };
 
 }  // namespace imud::canopen

@@ -34,8 +34,8 @@ constexpr std::string_view tpdo_2[] = {"rate_i16", "counter_u8", "status_u8"};
 constexpr std::string_view tpdo_3[] = {"delta_angle_i16", "counter_u16"};
 constexpr std::string_view tpdo_4[] = {"delta_velocity_i16", "counter_u16"};
 
-// Appends the positions of the objects with that name, which may be all axes of a quantity. Returns false if there
-// are none.
+// Appends the position of the object of this name, or the positions of all axes of a quantity of this name. Returns
+// false if there is no such name.
 bool append_named(std::string_view name, std::vector<std::size_t>& positions) {
   for (const Named& one : scalars)
     if (one.name == name) {
@@ -183,8 +183,9 @@ void deliver(const Settings& settings, ObjectDictionary& dictionary) {
   }
 }
 
-// SYNC and remote requests are assumed to come at the sample rate at most. Answers to SDO requests count with the
-// requesting master. The LSS answer is not listed: all slaves have the same identifier, and one answers.
+// SYNC and remote requests are assumed to arrive at the sample rate at most. Answers to SDO requests count as load of
+// the master that asks. The LSS answer is not listed: all slaves have the same identifier, and only one slave
+// answers.
 std::vector<CanMessage> can_messages(const Settings& settings, double rate_hz) {
   const unsigned node_id = node_id_of(settings);
   const std::array<TpdoSettings, tpdos> all = tpdos_of(settings);
@@ -209,7 +210,7 @@ std::vector<CanMessage> can_messages(const Settings& settings, double rate_hz) {
   return messages;
 }
 
-// A master can change most identifiers, and LSS the node id.
+// All messages pass, because a master can change most identifiers, and the node id by LSS.
 std::vector<CanFilter> can_filters(const Settings&) { return {{.id = 0, .mask = 0, .remote = true}}; }
 
 }  // namespace imud::canopen

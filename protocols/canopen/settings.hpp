@@ -1,4 +1,4 @@
-// The keys of [imu.device], and what follows from them for the device, the bus and the decoder.
+// The keys of [imu.device], and their consequences for the device, the bus and the decoder.
 #pragma once
 
 #include <vector>
@@ -12,7 +12,7 @@ namespace imud::canopen {
 inline constexpr std::size_t setting_count = 29;
 extern const Setting declared_settings[setting_count];
 
-// A transmit PDO as the settings have it.
+// A transmit PDO as configured by the settings.
 struct TpdoSettings {
   bool is_enabled = false;
   unsigned type = 0;
@@ -22,11 +22,11 @@ struct TpdoSettings {
   std::size_t size() const noexcept;  // bytes
 };
 
-// The following throw std::invalid_argument as Protocol::make does.
+// These functions throw std::invalid_argument as Protocol::make does.
 unsigned node_id_of(const Settings& settings);
 Identity identity_of(const Settings& settings);
 std::array<TpdoSettings, tpdos> tpdos_of(const Settings& settings);
-// Returns the LSB of a quantity's objects with 16 bits.
+// Returns the LSB, SI, of a quantity's objects with 16 bits.
 float lsb_of(const Settings& settings, Quantity quantity);
 // Sets the values of `dictionary` as delivered.
 void deliver(const Settings& settings, ObjectDictionary& dictionary);

@@ -34,7 +34,7 @@ void Supervision::update(std::size_t position, DeviceTime now) noexcept {
     const auto period = static_cast<std::int64_t>(dictionary_[at(0x1017)]);
     if (period != 0) {
       alarms_.set(Alarm::heartbeat, now + period * millisecond);
-      alarms_.clear(Alarm::life_guarding);  // a node has either
+      alarms_.clear(Alarm::life_guarding);  // a node has either heartbeats or node guarding
     }
   }
   if (object.index == objects[at(0x1016)].index) {
@@ -45,7 +45,7 @@ void Supervision::update(std::size_t position, DeviceTime now) noexcept {
   if (position == at(0x1006)) alarms_.clear(Alarm::sync_loss);
 }
 
-// A node is supervised once at most.
+// Each node may be supervised by at most one subindex.
 Abort Supervision::check_consumer(unsigned sub, std::uint64_t value) const noexcept {
   const auto node = value >> 16, time = value & 0xFFFF;
   if (time == 0 || node == 0) return node > last_node_id ? Abort::value : Abort::none;
