@@ -44,7 +44,7 @@ void AddressClaim::lose(DeviceTime now, FrameBuffer& out) noexcept {
     claim(now, out);
     ready_at_ = now + wait_;
   } else {
-    claim_at_.reset();  // a periodic one
+    claim_at_.reset();  // no periodic claim
     on_request(now, out);
   }
 }
@@ -53,8 +53,8 @@ void AddressClaim::on_request(DeviceTime now, FrameBuffer& out) noexcept {
   if (address_ != null_address) {
     claim(now, out);
   } else if (!claim_at_) {
-    // All nodes without address send with the same identifier: a delay of 0 to 153 ms, from the NAME, keeps their
-    // frames apart.
+    // All nodes without an address send with the same identifier. A delay of 0 to 153 ms, which depends on the NAME,
+    // keeps their frames apart.
     claim_at_ = now + (1 + (name_.identity & 0xFFU)) * std::chrono::microseconds(600);
   }
 }

@@ -10,7 +10,7 @@
 
 namespace imud::j1939 {
 
-// The NAME of a node. The lower one wins a contended address.
+// The NAME of a node. If two nodes contend for an address, the node with the lower NAME wins.
 struct Name {
   std::uint32_t identity = 0;            // 21 bits
   unsigned manufacturer = 0;             // 11
@@ -30,32 +30,32 @@ struct Name {
   }
 };
 
-// The addresses that arbitrary-address capable nodes move to.
+// The addresses to which arbitrary-address capable nodes move: pool_begin to pool_end - 1.
 inline constexpr std::uint8_t pool_begin = 128, pool_end = 248;
 
-// The address of one node. All times are as in Device.
+// The address of one node. Times are by the device's clock, as in Device.
 class AddressClaim {
  public:
-  // The node sends nothing else within `wait` after a claim, and repeats its claim each `period` (0: never).
+  // The node sends nothing else within `wait` after a claim. It repeats its claim each `period` (0: never).
   AddressClaim(const Name& name, Nanoseconds wait, Nanoseconds period) noexcept
       : name_(name), wait_(wait), period_(period) {}
 
   // Forgets the other nodes, and claims `address` at the next poll().
   void power_on(std::uint8_t address, DeviceTime now) noexcept;
-  // The node's address; null_address if it has lost its own and found no other.
+  // The node's address; null_address if the node has lost its address and found no other.
   std::uint8_t address() const noexcept { return address_; }
   // Returns true if the node may send, apart from claims.
   bool may_send(DeviceTime now) const noexcept { return address_ != null_address && now >= ready_at_; }
 
-  // Processes the claim of another node. If it contends for the node's address, the node claims that again or loses
-  // it: it moves to the next address of the pool that nobody has used, if it may move, and otherwise is silent.
-  // Returns true if it has lost the address.
+  // Processes the claim of another node. If the claim is for this node's address, this node either claims the address
+  // again, or loses it. A node that has lost its address moves to the next address of the pool that no other node has
+  // used, or is silent if it must not move. Returns true if the node has lost its address.
   bool on_claim(const Message& claim, DeviceTime now, FrameBuffer& out) noexcept;
   // Notes that another node uses `address`.
   void on_other(std::uint8_t address) noexcept { taken_[address] = true; }
   // Answers a request for claims.
   void on_request(DeviceTime now, FrameBuffer& out) noexcept;
-  // Claims another address, which a commanded-address message gives. `address` is at most 253.
+  // Claims another address, as a commanded-address message demands. `address`: at most 253.
   void command(std::uint8_t address, DeviceTime now, FrameBuffer& out) noexcept;
 
   std::optional<DeviceTime> deadline() const noexcept { return claim_at_; }
@@ -70,7 +70,7 @@ class AddressClaim {
   Nanoseconds wait_, period_;
   std::uint8_t address_ = null_address;
   DeviceTime ready_at_;
-  std::optional<DeviceTime> claim_at_;  // the next claim, or the message that none could be claimed
+  std::optional<DeviceTime> claim_at_;  // time of the next claim, or of the message that no address could be claimed
   std::bitset<256> taken_;              // addresses of other nodes
 };
 

@@ -7,8 +7,8 @@
 namespace imud::j1939 {
 namespace {
 
-// DM1's lamps, sources of odometry and the second bank of the OpenIMU335RI; the magnetic alignment of the
-// OpenIMU300RI.
+// Extensions that are not emulated: DM1's lamps, sources of odometry and the second bank of the OpenIMU335RI; the
+// magnetic alignment of the OpenIMU300RI.
 constexpr std::uint8_t unsupported_335[] = {0x5A, 0x5F, 0x60, 0xF2};
 constexpr std::uint8_t unsupported_300[] = {0x5E};
 
@@ -151,7 +151,7 @@ void set_bank(Configuration& c, const Model& model, unsigned bank, const Message
 std::optional<Report> report(const Configuration& c, Function function, std::uint8_t host) noexcept {
   const auto with_host = [host](std::uint64_t rest, std::size_t size) { return Report{rest << 8 | host, size}; };
   switch (function) {
-    // Without a fault all bits are 0; a checksum of the application, which is 0 here, follows in the master status.
+    // All bits are 0: there is no fault. The master status has also a checksum of the application, which is 0 here.
     case hardware_status:
       return Report{0, 2};
     case software_status:

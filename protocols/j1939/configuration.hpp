@@ -1,6 +1,6 @@
-// The settings that hosts make and read by ACEINNA's proprietary messages: numbers 0xFF00 + a group extension, which
-// a host may change, too (banks). Layouts: github.com/Aceinna/openIMU335RI-lib 487c4fc, Lib/CAN_J1939, and
-// openIMU300-lib dee364f.
+// The settings that hosts write and read by ACEINNA's proprietary messages. The numbers of these messages are 0xFF00
+// + a group extension; a host may change the extensions as well (banks). Layouts: github.com/Aceinna/openIMU335RI-lib
+// 487c4fc, Lib/CAN_J1939, and openIMU300-lib dee364f.
 #pragma once
 
 #include <array>
@@ -16,7 +16,7 @@
 
 namespace imud::j1939 {
 
-// The functions that have a group extension of their own.
+// The functions. Each has its own group extension.
 enum Function : unsigned {
   reset_algorithm,
   save,
@@ -31,7 +31,7 @@ enum Function : unsigned {
   algorithm,
   fine_rate,          // ARI-HR
   fine_acceleration,  // ACCS-HR
-  functions,          // their number, and no function
+  functions,          // the number of functions; also stands for no function
 };
 inline constexpr std::array<std::uint8_t, functions> initial_extensions = {0x50, 0x51, 0x52, 0x53, 0x54, 0x55, 0x56,
                                                                            0x57, 0x58, 0x59, 0x5B, 0x6B, 0x6D};
@@ -40,7 +40,7 @@ inline constexpr std::uint8_t bank_0 = 0xF0, bank_1 = 0xF1;
 // The bits of the user behavior that affect the device.
 inline constexpr unsigned swap_slots = 0x0008;       // slots in J1939's order: pitch, roll; lateral, longitudinal
 inline constexpr unsigned z_up = 0x0040;             // y and z of all vectors negated
-inline constexpr unsigned raw_rates = 0x0080;        // ARI has rates that no filter has corrected
+inline constexpr unsigned raw_rates = 0x0080;        // ARI has rates without the corrections of a filter
 inline constexpr unsigned swapped_request = 0x0200;  // a request's number has its high byte first
 
 struct Model {
@@ -82,10 +82,10 @@ inline constexpr std::array<unsigned, 9> dividers = {0, 1, 2, 4, 5, 10, 20, 25, 
 // axis on Y (y, z, x), 6 sign of Z, 7-8 axis on Z (z, x, y).
 std::optional<Matrix3> dcm_of_orientation(unsigned word) noexcept;
 
-// Sets what a message to this device asks for; byte 0 is the device's address. Returns false, and changes nothing, if
-// that is impossible.
+// Executes a message that sets a function. Byte 0 of the message must be the device's address. Returns false, and
+// changes nothing, if the value is not possible.
 bool set(Configuration& configuration, const Model& model, Function function, const Message& message) noexcept;
-// As set(), for the banks: extensions out of range are left as they are.
+// Executes a message that sets a bank. Extensions out of range leave the present ones unchanged.
 void set_bank(Configuration& configuration, const Model& model, unsigned bank, const Message& message) noexcept;
 
 // The answer to a request for the settings of a function, of `size` bytes.
@@ -93,7 +93,7 @@ struct Report {
   std::uint64_t word = 0;
   std::size_t size = 0;
 };
-// `host` is the address of the node that requests it. Returns nullopt if the function has none.
+// Returns the report of a function; nullopt if the function has none. `host`: address of the requesting node.
 std::optional<Report> report(const Configuration& configuration, Function function, std::uint8_t host) noexcept;
 
 }  // namespace imud::j1939

@@ -7,13 +7,13 @@ namespace {
 
 enum Kind : unsigned { rate, force };
 
-// Pairs the rates and accelerations of one sample. The frames have no counter: the one with the lower identifier
-// comes first, so that two samples are never mixed.
+// Pairs the rates and accelerations of one sample. The frames have no counter, but the frame with the lower
+// identifier always comes first. Therefore frames of two samples are never paired.
 class Pair {
  public:
   Pair(const Header& of_rate, const Header& of_force) noexcept : ids_{of_rate.id(), of_force.id()} {}
 
-  // Returns true if both are there now. Counts, in `incomplete`, frames whose other half is missing.
+  // Adds a frame. Returns true if the pair is complete. Counts frames without their other half in `incomplete`.
   bool add(Kind kind, std::uint32_t id, const std::array<double, 3>& numbers, std::uint64_t& incomplete) noexcept {
     ids_[kind] = id;
     values_[kind] = numbers;
@@ -23,7 +23,7 @@ class Pair {
     is_begun_ = is_first;
     return is_complete;
   }
-  // Forgets the first half. Returns true if there was one.
+  // Forgets the first frame of an incomplete pair. Returns true if there was one.
   bool abandon() noexcept { return std::exchange(is_begun_, false); }
 
   const std::array<double, 3>& operator[](Kind kind) const noexcept { return values_[kind]; }
@@ -31,7 +31,7 @@ class Pair {
  private:
   std::array<std::uint32_t, 2> ids_;  // without the source
   std::array<std::array<double, 3>, 2> values_ = {};
-  bool is_begun_ = false;  // the first of the two is there
+  bool is_begun_ = false;  // the first frame of the pair is there
 };
 
 class J1939Decoder final : public Decoder {
@@ -95,7 +95,7 @@ class J1939Decoder final : public Decoder {
     sink.on_measurement(measurement);
   }
 
-  // From the slots of the wire to the sensor's axes.
+  // Returns a vector in the sensor's axes from the slots of the wire.
   Vector3 in_axes(const std::array<double, 3>& slots) const noexcept {
     Vector3 v(slots[0], slots[1], slots[2]);
     if ((configuration_.behavior & swap_slots) != 0) std::swap(v.x(), v.y());
@@ -107,7 +107,7 @@ class J1939Decoder final : public Decoder {
   std::uint64_t name_;
   std::uint8_t source_;
   Pair pair_;
-  std::array<bool, 2> is_fine_ = {};  // for each Kind: the unit sends it in high resolution
+  std::array<bool, 2> is_fine_ = {};  // index: Kind; the unit sends the numbers in high resolution
 };
 
 }  // namespace

@@ -1,7 +1,7 @@
-// OpenIMU335RI and OpenIMU300RI on SAE J1939: the unit's own messages, and its answers. The attitude is
-// the true one. Raw CAN frames, not the kernel's J1939 socket, carry it all: the unit alone decides
-// about its address, every frame is a function of settings, truth and received frames, and logs and
-// serial adapters do as a bus.
+// OpenIMU335RI and OpenIMU300RI on SAE J1939: the unit's own messages, and its answers. The attitude is the true one.
+// All messages are raw CAN frames. The kernel's J1939 socket is not used, for three reasons: the unit alone decides
+// about its address; every frame is a function of settings, truth and received frames; and logs and serial adapters
+// can be used as a bus.
 #include <algorithm>
 
 #include "core/attitude.hpp"
@@ -114,8 +114,8 @@ class J1939Device final : public Device {
 
   std::span<const std::uint64_t> counts() const noexcept override { return counts_; }
 
-  // That the filters are of second order is an assumption. At 100 samples a second the widest one, of 50 Hz, would
-  // remove nothing.
+  // The filters are assumed to be of second order. At 100 samples a second the widest filter, of 50 Hz, would remove
+  // nothing.
   std::optional<SensorFilters> filters() const noexcept override {
     const auto low_pass = [](std::uint8_t cutoff_hz) {
       SensorFilter filter;
@@ -146,7 +146,7 @@ class J1939Device final : public Device {
     keep_address();
   }
 
-  // The unit claims its last address at the next power on, as the firmware does.
+  // Stores the present address, which the unit claims at the next power on, as the firmware does.
   void keep_address() noexcept {
     if (claim_.address() != null_address) active_.address = stored_.address = claim_.address();
   }
@@ -166,7 +166,7 @@ class J1939Device final : public Device {
 
   Header header(std::uint32_t number) const noexcept { return {.pgn = number, .source = claim_.address()}; }
 
-  // Sends the first `size` bytes of `word`, padded if the model does.
+  // Sends the first `size` bytes of `word`; padded to 8 bytes if Model::pads.
   void answer(std::uint32_t number, std::uint64_t word, std::size_t size, FrameBuffer& out) const noexcept {
     constexpr std::uint64_t padding = 0xAAAA'AAAA'AAAA'AAAA;
     if (size < 8) word |= padding << 8 * size;
@@ -193,7 +193,7 @@ class J1939Device final : public Device {
     acknowledge(*refusal, order == ByteOrder::swapped ? swapped : number, message.header.source, replies);
   }
 
-  // Answers a request. Returns the reason if it cannot.
+  // Answers a request. Returns the answer for a refusal if the request cannot be fulfilled.
   std::optional<Answer> fulfil(std::uint32_t number, const Header& request, DeviceTime now,
                                FrameBuffer& replies) noexcept {
     if (number == pgn::address_claimed) {
@@ -232,7 +232,7 @@ class J1939Device final : public Device {
     return std::nullopt;
   }
 
-  // DM15: the operation has failed, with the firmware's code for "no boot loader".
+  // Sends a DM15: the operation has failed, with the firmware's code for "no boot loader".
   void refuse_memory_access(std::uint8_t node, FrameBuffer& replies) noexcept {
     ++counts_[requests_refused];
     constexpr unsigned failed = 5;
@@ -243,7 +243,7 @@ class J1939Device final : public Device {
 
   // --- Settings ---
 
-  // DM13. Bits 6 and 7 of byte 0: the network that carries the message; 0: stop, 1: start.
+  // Processes a DM13. Bits 6 and 7 of byte 0 are for the network that carries the message: 0: stop, 1: start.
   void on_stop_start(const Message& message, DeviceTime now) noexcept {
     if (message.data.empty()) return;
     const unsigned command = message[0] >> 6, hold = message[3] >> 4;
@@ -258,7 +258,7 @@ class J1939Device final : public Device {
     const std::uint8_t host = message.header.source;
     const Function function = active_.function_of(extension);
     if (function == save || function == reset_algorithm) {
-      // 0: do it; 2: and restart. Other units' answers have the same number, and 1 here.
+      // Byte 0: 0: execute; 2: execute and restart; 1: an answer of another unit, which has the same number.
       const unsigned request = message[0];
       if (message.data.size() < 2 || message[1] != claim_.address() || (request != 0 && request != 2)) return;
       if (function == save) stored_ = active_;
@@ -347,7 +347,7 @@ class J1939Device final : public Device {
     return (sample_.status & (status::truth_extrapolated | status::truth_stale)) != 0 ? merit_degraded : merit_good;
   }
 
-  // `saturated_x` is the status bit of the x axis; `axis` is one of the wire.
+  // Returns the figure of merit of a number. `saturated_x`: the status bit of the x axis; `axis`: of the wire.
   Merit merit(std::uint32_t saturated_x, const Matrix3& dcm_OP, int axis) const noexcept {
     if (!unit_.model->has_merits) return merit_not_available;
     for (int own = 0; own < 3; ++own)

@@ -35,14 +35,14 @@ extern const Setting declared_settings[25];
 Unit unit_of(const Settings& settings);
 Configuration configuration_of(const Settings& settings);
 Product product_of(const Settings& settings);
-// Every identifier that the unit sends from its first address. Identifiers of later addresses carry the same load,
-// and are free when it uses them. Answers, which only hosts cause, have a rate of 0. Answers by RTS/CTS are missing,
-// because their identifiers contain the host's address.
+// Returns every identifier that the unit sends from its first address. From a later address it sends the same load,
+// and its identifiers are then free. Answers to hosts have a rate of 0. Answers by RTS/CTS are not listed, because
+// their identifiers contain the address of the host.
 std::vector<CanMessage> can_messages(const Settings& settings, double rate_hz);
 std::vector<CanFilter> can_filters(const Settings& settings);
 
-// Decodes the rates and accelerations of one unit, from ARI and ACCS, or from the forms of high resolution that the
-// unit sends. It follows the unit to another address by its NAME.
+// Returns a decoder of the rates and accelerations of one unit, from ARI and ACCS, or from their forms of high
+// resolution if the unit sends these. If the unit moves to another address, the decoder follows it by its NAME.
 std::unique_ptr<Decoder> make_decoder(const Settings& settings);
 
 }  // namespace imud::j1939

@@ -5,7 +5,7 @@
 namespace imud::j1939 {
 namespace {
 
-// Three numbers, one after another from bit 0.
+// Returns three numbers, one after another from bit 0 on.
 std::uint64_t numbers(const Scale& scale, const std::array<double, 3>& values, bool rounds) noexcept {
   std::uint64_t word = 0;
   for (unsigned i = 0; i < 3; ++i) word |= scale.raw(values[i], rounds) << i * scale.bits;
@@ -16,7 +16,7 @@ Merit merit_of(const Scale& scale, double value, Merit merit) noexcept {
   return std::abs(value) > scale.max() && merit != merit_not_available ? merit_out_of_range : merit;
 }
 
-// The figures of merit of three numbers, two bits each from bit 0.
+// Returns the figures of merit of three numbers, two bits each, from bit 0 on.
 std::uint64_t merits_of(const Scale& scale, const std::array<double, 3>& values,
                         const std::array<Merit, 3>& merits) noexcept {
   std::uint64_t word = 0;

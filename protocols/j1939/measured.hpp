@@ -42,8 +42,8 @@ struct Scale {
   constexpr double value(std::uint64_t raw) const noexcept {
     return (static_cast<double>(raw) - zero()) / per_unit * unit;
   }
-  // Returns false for a number that SAE J1939-71 reserves for errors and "not available"; a number of 19 bits has
-  // none.
+  // Returns false for a number that SAE J1939-71 reserves for errors and for "not available". Numbers of 19 bits have
+  // no reserved values.
   constexpr bool is_valid(std::uint64_t raw) const noexcept { return bits != 16 || raw <= 0xFAFF; }
 };
 
@@ -56,7 +56,7 @@ inline constexpr Scale coarse_angle_scale{500, -64, units::degree, 16};
 inline constexpr Scale magnetic_scale{4000, -8, 1e-4, 16};  // gauss
 inline constexpr Scale position_scale{1e7, -210, units::degree, 32};
 
-// Figures of merit of a number.
+// The figure of merit of a number.
 enum Merit : unsigned { merit_good, merit_degraded, merit_out_of_range, merit_not_available };
 
 // One output of the sensor, in the axes and the order of the wire.
@@ -80,8 +80,8 @@ enum Packet : unsigned { ssi2, ari, accs, ari_fine, accs_fine, ssi, magnetic, po
 // Returns the eight bytes of a message.
 std::uint64_t encoded(Packet packet, const Reading& reading) noexcept;
 
-// Decodes the three numbers of ARI, ACCS or one of their forms of high resolution. Returns false if one of them is
-// not available.
+// Decodes the three numbers of ARI or ACCS, or of their forms of high resolution. Returns false if a number is not
+// available.
 bool decode(const Scale& scale, std::uint64_t word, std::array<double, 3>& values) noexcept;
 
 }  // namespace imud::j1939

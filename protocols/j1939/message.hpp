@@ -12,8 +12,8 @@
 
 namespace imud::j1939 {
 
-// Addresses beside the nodes' 0 to 253.
-inline constexpr std::uint8_t null_address = 254;  // the source of a node that has none
+// Special addresses; nodes have addresses 0 to 253.
+inline constexpr std::uint8_t null_address = 254;  // the source of a node without an address
 inline constexpr std::uint8_t everyone = 255;      // the global destination
 
 // Parameter group numbers.
@@ -37,7 +37,7 @@ inline constexpr std::uint32_t vehicle_position = 0xFEF3;
 inline constexpr std::uint32_t proprietary_b = 0xFF00;  // + the group extension
 }  // namespace pgn
 
-inline constexpr unsigned control_priority = 6;  // of everything but sensor data and transfers
+inline constexpr unsigned control_priority = 6;  // of all messages but sensor data and transfers
 inline constexpr unsigned transfer_priority = 7;
 
 // The header of a message: the parts of its identifier of 29 bits.
@@ -47,7 +47,7 @@ struct Header {
   std::uint8_t destination = everyone;
   std::uint8_t source = null_address;
 
-  // Returns true if a message with this number has a destination.
+  // Returns true if messages with this parameter group number have a destination.
   static constexpr bool has_destination(std::uint32_t pgn) noexcept { return (pgn >> 8 & 0xFFU) < 240; }
 
   constexpr std::uint32_t id() const noexcept {
@@ -55,7 +55,7 @@ struct Header {
   }
   constexpr CanHeader can() const noexcept { return {.id = id(), .extended = true}; }
 
-  // `id` has 29 bits.
+  // Reads an identifier of 29 bits.
   static constexpr Header parse(std::uint32_t id) noexcept {
     Header header{id >> 26 & 7U, id >> 8 & 0x3FFFFU, everyone, static_cast<std::uint8_t>(id)};
     if (!has_destination(header.pgn)) return header;
@@ -80,7 +80,8 @@ struct Message {
   std::uint32_t number_at(std::size_t i) const noexcept {
     return (*this)[i] | std::uint32_t{(*this)[i + 1]} << 8 | std::uint32_t{(*this)[i + 2]} << 16;
   }
-  // Returns nullopt if a frame is not J1939: 11-bit identifiers, remote requests, error frames and CAN FD.
+  // Returns nullopt if the frame is not J1939: a frame with an 11-bit identifier, a remote request, an error frame,
+  // or CAN FD.
   static std::optional<Message> parse(const Frame& frame) noexcept {
     const CanHeader& can = frame.can;
     if (!can.extended || can.remote || can.error || can.fd || frame.bytes.size() > 8) return std::nullopt;
@@ -88,7 +89,7 @@ struct Message {
   }
 };
 
-// The eight bytes of a frame, as one little-endian number.
+// Returns the eight bytes of a frame; `word`: these bytes as one little-endian number.
 inline std::array<std::byte, 8> bytes_of(std::uint64_t word) noexcept {
   std::array<std::byte, 8> bytes;
   write_little(word, bytes);

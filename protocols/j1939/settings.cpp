@@ -180,7 +180,7 @@ std::vector<CanMessage> can_messages(const Settings& settings, double rate_hz) {
 
 std::vector<CanFilter> can_filters(const Settings& settings) {
   const Unit unit = unit_of(settings);
-  // Without the priority and the source; a number that has a destination passes for all.
+  // The filter ignores the priority and the source. Messages with a destination pass for all destinations.
   const auto of_number = [](std::uint32_t number, std::uint32_t mask) {
     return CanFilter{.id = number << 8, .mask = mask << 8, .extended = true};
   };

@@ -7,11 +7,12 @@
 namespace imud::j1939 {
 namespace {
 
-// TP.CM: the control byte, four bytes that depend on it, and the number of the message that is transferred.
+// Returns a TP.CM: the control byte, four bytes whose meaning depends on it, and the parameter group number of the
+// transferred message.
 constexpr std::uint64_t control_word(Control control, std::uint32_t content, std::uint32_t pgn) noexcept {
   return std::uint64_t{control} | std::uint64_t{content} << 8 | std::uint64_t{pgn} << 40;
 }
-// The content of RTS (up to `packets_at_once` packets for a CTS), BAM and end of message.
+// Returns the content of an RTS, a BAM or an end of message. `packets_at_once`: most packets for a CTS.
 constexpr std::uint32_t announced(std::size_t size, unsigned packets, unsigned packets_at_once) noexcept {
   return static_cast<std::uint32_t>(size) | packets << 16 | packets_at_once << 24;
 }
@@ -130,7 +131,7 @@ void Transport::request_packets(Session& session, std::uint8_t own, DeviceTime n
   session.due = now + t2;
 }
 
-// RTS and BAM. A second one from the same node replaces the first.
+// Processes an RTS or a BAM. A second one from the same node replaces the first.
 void Transport::open(const Message& message, std::uint8_t own, DeviceTime now, FrameBuffer& out) noexcept {
   const std::uint8_t source = message.header.source;
   const bool to_everyone = message[0] == broadcast_announce;

@@ -1,4 +1,4 @@
-// Messages of more than 8 bytes: the transport protocol of SAE J1939-21, 5.10, broadcast (BAM) and to one node
+// Messages of more than 8 bytes, by the transport protocol of SAE J1939-21, 5.10: to all nodes (BAM) or to one node
 // (RTS/CTS).
 #pragma once
 
@@ -22,16 +22,16 @@ enum Control : std::uint8_t {
 
 // The reason in TP.CM_Abort.
 enum class Abort : std::uint8_t {
-  busy = 1,       // one connection to a node at a time
-  resources = 2,  // the message is longer than the receiver's buffer, or none that it has any use for
+  busy = 1,       // there is a connection between the nodes already
+  resources = 2,  // the message is longer than the receiver's buffer, or the receiver does not need it
   timeout = 3,
   clear_while_sending = 4,
   retransmissions = 5,
   bad_sequence = 7,
 };
 
-// The transfers of one node, in both directions. A session ends at the time-outs T1 to T4 at the latest. All times
-// are as in Device.
+// The transfers of one node, in both directions. A session ends at one of the time-outs T1 to T4 at the latest. Times
+// are by the device's clock, as in Device.
 class Transport {
  public:
   static constexpr std::size_t max_size =
@@ -42,23 +42,23 @@ class Transport {
   static constexpr Nanoseconds t3 = std::chrono::milliseconds(1250);           // from the last packet, or RTS, to CTS
   static constexpr Nanoseconds t4 = std::chrono::milliseconds(1050);  // from a CTS that holds the connection open
 
-  // Receives messages with the number `accepted`, and refuses all others. `aborted` and `timed_out` count the
-  // transfers that end so.
+  // Receives messages with the parameter group number `accepted`, and refuses all others. `aborted` and `timed_out`
+  // count the transfers that are aborted, and that time out.
   Transport(std::uint32_t accepted, std::uint64_t& aborted, std::uint64_t& timed_out) noexcept
       : accepted_(accepted), aborted_(aborted), timed_out_(timed_out) {}
 
-  // Ends all sessions without a word, as a node does that has lost its address.
+  // Ends all sessions without a message, as a node must that has lost its address.
   void clear() noexcept;
 
-  // Sends a message of 9 to max_size bytes, which must stay where it is, from the address `own` to `destination`, or
-  // to everyone by BAM, one after another. Returns false if it cannot, because there are too many sessions or there
-  // is one with that destination already.
+  // Sends a message of 9 to max_size bytes from the address `own` to `destination`, or by BAM to all nodes. BAMs are
+  // sent one after another. `data` must remain valid until the session ends. Returns false if there are too many
+  // sessions, or a session with this destination.
   bool send(std::uint32_t pgn, std::uint8_t destination, Data data, std::uint8_t own, DeviceTime now,
             FrameBuffer& out) noexcept;
 
-  // Processes TP.CM and TP.DT, which are for everyone or for `own`, and ignores all else. Returns the data of the
-  // message that is complete now; valid until the next call. `own` is null_address while the node may not send: then
-  // it receives broadcasts only.
+  // Processes messages TP.CM and TP.DT to all nodes or to `own`, and ignores all others. Returns the data of a
+  // message that is complete with this one; valid until the next call. `own`: the node's address; null_address while
+  // the node may not send. Then it receives only broadcasts.
   std::optional<Data> receive(const Message& message, std::uint8_t own, DeviceTime now, FrameBuffer& out) noexcept;
 
   std::optional<DeviceTime> deadline() const noexcept;
@@ -71,7 +71,7 @@ class Transport {
 
   struct Session {
     bool is_active = false;
-    bool is_waiting = false;  // outgoing BAM: another one comes first
+    bool is_waiting = false;  // outgoing BAM: waits for the end of another BAM
     std::uint32_t pgn = 0;
     std::uint8_t peer = everyone;  // outgoing: the destination; incoming: the source
     bool to_everyone = false;
@@ -83,7 +83,7 @@ class Transport {
     Data data = {};
     unsigned repetitions = 0;
     // Incoming
-    unsigned at_once = 0;  // packets that the sender can send for one CTS
+    unsigned at_once = 0;  // packets that the sender can send after one CTS
     std::array<std::byte, max_size> buffer = {};
   };
 
