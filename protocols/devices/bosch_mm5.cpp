@@ -1,9 +1,9 @@
 // Bosch MM5.10, automotive inertial sensor: two rates and three accelerations in three messages, little-endian,
 // without counter, status and checksum. bosch_mm5.dbc beside this file describes the same layouts for CAN tools.
 //
-// Layout: Bosch's calibration sheet of MM5.10, as facts of others have it: identifiers and numbers of MM7.10
-// (bosch_mm7.cpp) in bytes 0-1 and 4-5, all other bytes reserved, here 0; no pitch rate. Variants of the firmware
-// have other identifiers: the setting `identifiers`. The sheet itself was not at hand.
+// Layout: Bosch's calibration sheet of MM5.10, as others report it. It has the identifiers and numbers of MM7.10
+// (bosch_mm7.cpp), in bytes 0-1 and 4-5; all other bytes are reserved, here 0; there is no pitch rate. Variants of
+// the firmware have other identifiers: see the setting `identifiers`. The sheet itself was not at hand.
 //
 // | byte | 0x174          | 0x178          | 0x17C          | number                    |
 // |------|----------------|----------------|----------------|---------------------------|
@@ -28,7 +28,7 @@ constexpr CanSignal az[] = {
 
 constexpr SignalProductMessage messages[] = {
     {"yaw_ay", 0x174, 8, yaw_ay}, {"roll_ax", 0x178, 8, roll_ax}, {"az", 0x17C, 8, az}};
-// Ranges of the fields; noise of the same order as in similar sensors, as no data sheet was at hand.
+// The ranges are the ranges of the fields. No data sheet was at hand: the noise is of the order of similar sensors.
 constexpr SignalProduct bosch_mm5_table = {.messages = messages,
                                            .gyro_noise = 0.01 * units::degree,
                                            .gyro_max = 163 * units::degree,

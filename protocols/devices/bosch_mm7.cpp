@@ -2,11 +2,11 @@
 // SAE J1850 of bytes 0 to 6. bosch_mm7.dbc beside this file describes the same layouts for CAN tools.
 //
 // Layout, status and the codes of the temperature: Bosch's own receiver,
-// bosch-engineering/off_highway_sensor_drivers, off_highway_mm7p10 at 8dd1f70 (receiver.hpp, receiver.cpp). The CRC
-// is from an emulator of others (IanLyuWellysun/TestSonar), as Bosch's receiver does not check it. No document of the
-// product was at hand. The receiver negates the roll rate, which "is received negative as per right-hand rule for
+// bosch-engineering/off_highway_sensor_drivers, off_highway_mm7p10 at 8dd1f70 (receiver.hpp, receiver.cpp). Bosch's
+// receiver does not check the CRC, which is from another emulator (IanLyuWellysun/TestSonar). No document of the
+// product was at hand. Bosch's receiver negates the roll rate, which "is received negative as per right-hand rule for
 // rotation around X axis", and no other number. It needs `axes = "bosch"`; `axes = "right_handed"` is for receivers
-// that negate nothing. It drops a set in which all numbers are zero.
+// that negate nothing. Bosch's receiver drops a set in which all numbers are zero.
 //
 // | byte | 0x174            | 0x178     | 0x17C      | number                         |
 // |------|------------------|-----------|------------|--------------------------------|
@@ -17,8 +17,8 @@
 // | 6    | bits 0-3: counter; bits 4-7: status of the acceleration                     |
 // | 7    | CRC of bytes 0-6                                                            |
 // The bits of a status are 1: the sensor is not available, 2: failure of the signal, 4: initialisation in progress;
-// 0 is good. Here a sample that is no measurement has bit 1, and a value beyond its range bit 2, which is an
-// assumption; bit 4 is never set. The temperature is FF below -50 degrees, and C9 above 150.
+// 0 is good. By assumption, a sample that is no measurement has bit 1, a value beyond its range has bit 2, and bit 4
+// is never set. The temperature is FF below -50 degrees, and C9 above 150.
 #include <array>
 
 #include "protocols/signals/signal_product.hpp"
@@ -50,8 +50,8 @@ constexpr MeasuredQuantity axis_quantity = {
     .name = "axis_status", .help = "", .get = axis_status<First, Axis>, .set = put_axis_status<First, Axis>};
 constexpr std::uint32_t gyro = status::gyro_saturated_x, accelerometer = status::accelerometer_saturated_x;
 
-// The number of the temperature, or its code for a temperature beyond the range, which is read as the first degree
-// beyond it.
+// Returns the number for the temperature, or a code if the temperature is beyond the range. The code is read as the
+// first degree beyond the range.
 constexpr double coldest = -50, hottest = 150;  // degrees Celsius
 constexpr double below_coldest = 0xFF, above_hottest = 0xC9;
 double temperature_number(const Reading& reading) noexcept {
@@ -116,7 +116,7 @@ constexpr Messages messages_with(const RollAx& roll) {
            {"pitch_az", 0x17C, 8, pitch_az, j1850}}};
 }
 constexpr Messages messages = messages_with(roll_ax), right_handed_messages = messages_with(right_handed_roll_ax);
-// Ranges of the fields; noise of the same order as in similar sensors, as no data sheet was at hand.
+// The ranges are the ranges of the fields. No data sheet was at hand: the noise is of the order of similar sensors.
 constexpr SignalProduct product_with(std::span<const SignalProductMessage> sent) {
   return {.messages = sent,
           .gyro_noise = 0.01 * units::degree,

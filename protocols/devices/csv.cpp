@@ -1,7 +1,7 @@
-// The measurement CSV (protocols/measurements/measurement_csv.hpp) as a device: the header row before the first
-// sample, then a row per sample, each in its own frame, LF at the end.
+// The measurement CSV (protocols/measurements/measurement_csv.hpp) as a device: a header row before the first sample,
+// then a row per sample. Each row is a frame and ends with LF.
 //
-// Text has no checksum: a reader that joins within a row may mistake the rest of its first number for a whole number.
+// The text has no checksum. A reader that joins in the middle of a number may take the rest for a whole number.
 #include <array>
 #include <cstring>
 

@@ -1,8 +1,8 @@
-// Any sensor on CAN that has a DBC file: its messages, with the numbers that the configuration assigns to their
-// signals. A message is sent if at least one of its signals has a number, each GenMsgCycleTime, or with every sample
-// if it has none; all other signals keep GenSigStartValue. Messages that are due with one sample are sent in the
-// order of their priority. A multiplexed message sends its pages in turn, if they have a signal with a number. So
-// does each multiplexor of a message with several (extended multiplexing).
+// Any sensor on CAN that has a DBC file. The configuration assigns numbers to the signals of the file. A message is
+// sent if at least one of its signals has a number: each GenMsgCycleTime, or with every sample if the file states no
+// cycle time. All other signals keep GenSigStartValue. Messages that are due with one sample are sent in the order of
+// their priority. A multiplexed message sends in turn its pages that have a signal with a number. With several
+// multiplexors (extended multiplexing), each multiplexor sends its pages in turn.
 //
 // [imu.device]
 // dbc_file = "vehicle.dbc"
@@ -52,7 +52,7 @@ const std::vector<std::string> example_signals = {
 // A message of the file, with its signals as configured.
 struct Mapped {
   const DbcMessage* message = nullptr;
-  std::vector<std::string> sources = {};  // of its signals, in their order
+  std::vector<std::string> sources = {};  // of the message's signals, in the order of these
   MessageChecksum checksum = {};
   bool is_used = false;
 };
@@ -97,7 +97,7 @@ std::pair<Mapped*, std::string> assign(std::vector<Mapped>& all, const char* key
   return {found.first, value};
 }
 
-// Returns the message as it is sent. `names` owns the text of the sources.
+// Returns the message in the form in which a device sends it.
 SignalMessage compiled(const Mapped& mapped, std::uint32_t id_offset) {
   const DbcMessage& message = *mapped.message;
   const std::string where = "line " + std::to_string(message.line) + ": message " + message.name + ": ";
@@ -129,7 +129,7 @@ SignalMessage compiled(const Mapped& mapped, std::uint32_t id_offset) {
   }
 }
 
-// A message cannot be sent more often than there are samples.
+// Refuses a message whose cycle time is shorter than the interval of the samples.
 void check_cycle(const DbcMessage& message, double rate_hz) {
   const double cycle_s = seconds(message.cycle);
   if (cycle_s == 0 || cycle_s * rate_hz > 1 - 1e-6) return;
@@ -141,7 +141,7 @@ void check_cycle(const DbcMessage& message, double rate_hz) {
   refuse("dbc_file", "line " + std::to_string(message.line) + ": message " + message.name + ": " + numbers);
 }
 
-// `rate_hz`: of the samples; infinity: not known yet.
+// Returns the messages that the settings select. `rate_hz`: of the samples; infinity: not known yet.
 std::vector<SignalMessage> messages_of(const Settings& settings,
                                        double rate_hz = std::numeric_limits<double>::infinity()) {
   const std::string& path = settings.text("dbc_file");
@@ -168,7 +168,7 @@ std::vector<SignalMessage> messages_of(const Settings& settings,
   }
   std::erase_if(all, [](const Mapped& one) { return !one.is_used; });
   if (all.empty()) refuse("signals", "give at least one SIGNAL=QUANTITY");
-  // The identifier that wins arbitration comes first.
+  // Messages are in the order in which their identifiers win the arbitration.
   std::ranges::stable_sort(all, {}, [](const Mapped& one) {
     return one.message->extended ? std::uint64_t{one.message->id} << 1 | 1 : std::uint64_t{one.message->id} << 19;
   });

@@ -1,5 +1,5 @@
-// Any serial sensor whose frames a file describes (protocols/frames/README.md): the messages that are due with each
-// sample, as the file lays out their bytes, and the answers to the requests of a host.
+// Any serial sensor whose frames a file describes (protocols/frames/README.md). The device sends the messages that
+// are due with each sample, with the file's layout, and answers requests of a host.
 //
 // [imu.device]
 // frame_file = "my.toml"
@@ -60,7 +60,8 @@ FrameDescription description_of(const Settings& settings) {
   return example();
 }
 
-// A shipped description has its model as a protocol of its own, not as the file of this one.
+// Returns the default model of errors. A shipped description has its own model only as a protocol, not as the file of
+// this protocol.
 std::string_view model_of(const Settings& settings) {
   const auto& description = settings.frames();
   return description == nullptr || description->model.empty() || !is_path_of_frames(description->file)
@@ -88,7 +89,7 @@ std::vector<FrameChosen> stored_values(const FrameSettings& described, const Set
   return all;
 }
 
-// Returns the listening part of the unit. `baud` of the configuration is a value that a host has saved.
+// Returns the part of the unit that listens to a host. The key `baud` counts as a value that a host has saved.
 FrameHost host_of(const FrameDescription& description, const Settings& settings) {
   FrameHost host(std::make_shared<const FrameRequests>(description));
   for (const FrameChosen chosen : stored_values(host.requests().settings(), settings)) host.store(chosen);
@@ -104,7 +105,7 @@ FrameHost host_of(const FrameDescription& description, const Settings& settings)
   return host;
 }
 
-// A message cannot be sent more often than there are samples.
+// Refuses a message with a rate above the rate of the samples.
 void check_rates(const Settings& settings, double rate_hz) {
   const FrameDescription description = description_of(settings);
   for (const FrameDescription::Message& message : description.messages) {
@@ -141,7 +142,7 @@ std::string when(const FrameMessage& message, const FrameDescription::Message& d
   return text;
 }
 
-// Every test frame was compared when the file was read.
+// Returns a text about the test frames of a message. All were compared when the file was read.
 std::string agreement(const FrameDescription::Message& message) {
   const std::size_t frames = message.tests.size();
   return frames == 0   ? "no test_frame has been compared with it"

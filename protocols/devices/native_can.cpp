@@ -23,7 +23,7 @@
 // | 5     | delta-angle z    | delta-velocity x |
 // | 6     | delta-velocity y | delta-velocity z |   Rounded to nearest, clamped at the ends of the range.
 //
-// FD, identifier `can_id`, bit rate switched, numbers as in struct FdWire.
+// FD: identifier `can_id`, with a switched bit rate; struct FdWire has the layout.
 #include <cmath>
 #include <optional>
 #include <stdexcept>
@@ -91,7 +91,7 @@ std::int64_t microseconds(DeviceTime time) noexcept {
   return time.ns / 1000 + (remainder >= 500 ? 1 : remainder < -500 ? -1 : 0);
 }
 
-// Packs two values, and the counter in the bits above them.
+// Packs two values, with the counter in the bits above the values.
 std::uint64_t pack(std::int64_t first, std::int64_t second, std::uint8_t counter) noexcept {
   constexpr std::uint64_t mask = (std::uint64_t{1} << value_bits) - 1;
   return (static_cast<std::uint64_t>(first) & mask) | (static_cast<std::uint64_t>(second) & mask) << value_bits |
@@ -103,7 +103,7 @@ std::int64_t unpack(std::uint64_t frame, int index) noexcept {
   return static_cast<std::int64_t>(frame << (64 - value_bits * (index + 1))) >> (64 - value_bits);
 }
 
-// The identifiers of the frames. Throws std::invalid_argument if one exceeds the range.
+// The identifiers of the frames. Throws std::invalid_argument if an identifier exceeds the range.
 struct Identifiers {
   explicit Identifiers(const Settings& settings)
       : id(static_cast<std::uint32_t>(settings.integer("can_id"))),
@@ -180,7 +180,7 @@ class NativeCanDevice final : public Device {
   Identifiers identifiers_;
 };
 
-// Decodes both kinds, whatever the setting `fd`.
+// Decodes classic and FD frames, whatever the setting `fd`.
 class NativeCanDecoder final : public Decoder {
  public:
   explicit NativeCanDecoder(const Settings& settings) : identifiers_(settings) {}

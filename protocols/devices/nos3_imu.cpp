@@ -2,7 +2,7 @@
 //
 // Layouts: nasa-itc/generic_imu, fsw/shared/generic_imu_device.c and sim/src/generic_imu_hardware_model.cpp, whose
 // code differs from its README. The flight software's library sends a request, waits 5 ms, and takes the first frame
-// that has arrived then, of any identifier: nothing else may be sent on its interface.
+// that has arrived, whatever its identifier. Therefore no other frames may be sent on its interface.
 //
 // | frame        | identifier   | data                                                               |
 // |--------------|--------------|--------------------------------------------------------------------|
@@ -10,8 +10,8 @@
 // | housekeeping | `reply_id`   | u32 number of commands so far, u32 status (0)                      |
 // | axis         | `reply_id`   | u32 (acceleration/g + 10) * 214748364, u32 (rate/(deg/s) + 400) * 5368709 |
 //
-// NOS3's simulator rounds down; here numbers are rounded to nearest. It does not answer command 0 and unknown
-// commands. It counts command 0.
+// NOS3's simulator rounds down; here numbers are rounded to nearest. The simulator does not answer command 0 and
+// unknown commands. It counts command 0.
 #include "protocols/signals/signal_product.hpp"
 
 namespace imud {
@@ -92,7 +92,7 @@ class Nos3Device final : public Device {
   std::uint64_t refused_ = 0;
 };
 
-// Decodes the replies to requests that it has received, too: a reply does not have its axis.
+// Decodes replies. A reply does not state its axis: the decoder needs the requests as well.
 class Nos3Decoder final : public Decoder {
  public:
   explicit Nos3Decoder(const Settings& settings)

@@ -2,13 +2,14 @@
 // counter and no checksum; the unit only sends. sbg_can.dbc beside this file describes the same layouts for CAN
 // tools.
 //
-// The tables below are the layouts. IMU_INFO, IMU_ACCEL and IMU_GYRO, in this order, are a set. As delivered, a unit
-// sends nothing: the setting `messages` is its configuration, and begins with this set.
+// The tables below are the layouts. IMU_INFO, IMU_ACCEL and IMU_GYRO, in this order, are a set. A real unit as
+// delivered sends nothing. The setting `messages` is its configuration; by default it has this set.
 //
-// Attitude, position and velocity are the truth's, or the solution of the unit's own filter; while that has no place,
-// position and velocity are the receiver's. Status words and accuracies follow the filter (bits and limits:
-// sbgEComLogEkf.h, sbgEComLogStatus.h and doc/binaryMessages.md of sbgECom 05c19cd). The undulation is 0, so that the
-// altitude is the height above the ellipsoid. A magnetometer's arbitrary unit is taken as 50 uT.
+// Attitude, position and velocity are the truth's or, if the unit has its own filter, the filter's solution. While
+// the filter has no place, position and velocity are the receiver's. Status words and accuracies follow the filter
+// (bits and limits: sbgEComLogEkf.h, sbgEComLogStatus.h and doc/binaryMessages.md of sbgECom 05c19cd). The undulation
+// is 0, so that the altitude is the height above the ellipsoid. The arbitrary unit of the magnetometer is assumed to
+// be 50 uT.
 #include <algorithm>
 
 #include "core/attitude.hpp"
@@ -38,8 +39,9 @@ bool is_in(const Reading& reading, Solution::State state) noexcept {
 }
 bool has_magnetometer(const Sample& sample) noexcept { return !sample.magnetic_field.isZero(0.0); }
 
-// CLOCK_STATUS: bit 0 PPS, bits 1 to 4 the clock: 1 free running, 3 valid; bit 5 UTC is accurate; bits 6 to 9 UTC: 0
-// invalid, 2 initialized. For how long the clock is still valid without PPS no document has: here it is not.
+// CLOCK_STATUS: bit 0: PPS; bits 1 to 4, the clock: 1 free running, 3 valid; bit 5: UTC is accurate; bits 6 to 9,
+// UTC: 0 invalid, 2 initialized. No document states for how long the clock stays valid without PPS. Here it is not
+// valid.
 double clock_status(const Reading& reading) noexcept {
   const unsigned clock = reading.sample.fix().is_known ? 1U | 3U << 1 | 1U << 5 : 1U << 1;
   return clock | (reading.sample.timed().is_known ? 2U << 6 : 0U);
@@ -54,14 +56,15 @@ double aiding_status(const Reading& reading) noexcept {
          (has_magnetometer(sample) ? 0x100U : 0U) | (sample.pressure != 0 ? 0x2000U : 0U);
 }
 
-// SOLUTION_STATUS, bits 0 to 3, the mode: 1 vertical gyro, 2 AHRS, 4 navigation. No document has a limit beyond which
-// a unit that has lost its fixes leaves mode 4, so that it stays there while it coasts.
+// SOLUTION_STATUS, bits 0 to 3, the mode: 1 vertical gyro, 2 AHRS, 4 navigation. No document states when a unit that
+// has lost its fixes leaves mode 4. Here it stays in mode 4 while it coasts.
 unsigned solution_mode(const Reading& reading) noexcept {
   enum : unsigned { vertical_gyro = 1, ahrs = 2, nav_position = 4 };
   if (reading.sample.navigation.is_known) return nav_position;
   return !reading.sample.solution || has_magnetometer(reading.sample) ? ahrs : vertical_gyro;
 }
-// Bits 4 to 7: attitude, heading, velocity and position are valid, below 0.5 deg, 1 deg, 1.5 m/s and 10 m.
+// Bits 4 to 7: attitude, heading, velocity and position are valid: their standard deviations are below 0.5 deg, 1
+// deg, 1.5 m/s and 10 m.
 unsigned valid_bits(const Reading& reading) noexcept {
   constexpr auto tilt = static_cast<float>(0.5 * units::degree), heading = static_cast<float>(units::degree);
   constexpr float velocity = 1.5F, position = 10;
@@ -75,9 +78,9 @@ unsigned valid_bits(const Reading& reading) noexcept {
   return attitude | (solution.velocity.maxCoeff() < velocity ? 0x40U : 0U) |
          (solution.position.maxCoeff() < position ? 0x80U : 0U);
 }
-// Bits 8 to 13, 25 and 26: the aids that are used; "since 3 s" is applied to the receiver's fixes, of the other aids
-// the last one counts. Bit 27, the alignment has converged, has no documented limit: here all four are valid. A unit
-// that reports the truth uses its receiver.
+// Bits 8 to 13, 25 and 26: the aids that are used. A receiver's fix counts as used for 3 s ("since 3 s"); of another
+// aid, the last measurement counts. Bit 27 (the alignment has converged) has no documented limit: here it is set if
+// bits 4 to 7 are. A unit that reports the truth uses its receiver.
 double solution_status(const Reading& reading) noexcept {
   constexpr unsigned vertical = 1U << 8, magnetic = 1U << 9, receiver = 3U << 10, antennas = 1U << 13,
                      air_data = 1U << 25, zero_velocity = 1U << 26, converged = 1U << 27, all_valid = 0xF0;
@@ -96,8 +99,8 @@ double solution_status(const Reading& reading) noexcept {
          if_used(aid::pressure, air_data) | if_used(aid::zero_velocity, zero_velocity);
 }
 
-// The standard deviation of an angle, rad: 0 roll, 1 pitch, 2 yaw, from the deviations of rotations about north, east
-// and down, which are taken as independent. The document's ranges end at pi, pi/2 and pi.
+// Returns the standard deviation of an angle, rad (0 roll, 1 pitch, 2 yaw), from the deviations of rotations about
+// north, east and down, which are assumed to be independent. The document's ranges end at pi, pi/2 and pi.
 template <int Angle>
 double angle_accuracy(const Reading& reading) noexcept {
   if (!reading.sample.solution) return 0;
@@ -105,8 +108,9 @@ double angle_accuracy(const Reading& reading) noexcept {
       roll_pitch_yaw_deviations(reading.sample.q_LP, reading.sample.solution->attitude.cast<double>())[Angle];
   return std::min(sigma, Angle == 1 ? units::pi / 2 : units::pi);
 }
-// The standard deviation of a component, at most 655.35 m, the largest in its field, or 327.67 m/s: SBG's document
-// has accuracies of velocities without a sign, its sbgCan.dbc with one. So it is while there is no place.
+// Returns the standard deviation of a component, at most 655.35 m (the largest value of its field) or 327.67 m/s
+// (SBG's document has accuracies of velocities as unsigned numbers, its sbgCan.dbc as signed numbers). While there is
+// no place, returns these limits.
 template <Eigen::Vector3f Solution::*Member, int Axis>
 double accuracy(const Reading& reading) noexcept {
   constexpr double largest = Member == &Solution::position ? 655.35 : 327.67;
@@ -229,7 +233,7 @@ constexpr SignalProductMessage messages[] = {
     {"mag_0", 0x150, 6, mag_0},
     {"mag_1", 0x151, 6, mag_1},
 };
-// Ellipse: 450 deg/s, 0.15 deg/sqrt(h); 8 g, 57 ug/sqrt(Hz); from memory of the data sheet.
+// Figures of the Ellipse, from memory of the data sheet: 450 deg/s, 0.15 deg/sqrt(h); 8 g, 57 ug/sqrt(Hz).
 constexpr SignalProduct sbg_can_table = {.messages = messages,
                                          .has_choice = true,
                                          .gyro_noise = 0.15 / 60 * units::degree,

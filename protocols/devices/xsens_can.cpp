@@ -1,14 +1,14 @@
 // Xsens MTi-600 series on CAN. Big-endian; no checksum; the unit only sends. xsens_can.dbc beside this file describes
 // the same layouts for CAN tools.
 //
-// Layouts: the ROS driver of a vendor's engineer (jiminghe/Xsens_MTi_CAN_ROS_Driver: config/xsens.dbc and its parser,
-// which differ in the unit of SampleTime, 100 us here, and the sign of the pressure, unsigned here). The protocol's
-// document was not at hand. The driver needs SampleTime and UTC to group the messages of a sample.
+// Layouts: the ROS driver of a vendor's engineer (jiminghe/Xsens_MTi_CAN_ROS_Driver), with config/xsens.dbc and a
+// parser. These two differ in the unit of SampleTime (here 100 us) and in the sign of the pressure (here unsigned).
+// The protocol's document was not at hand. The driver needs SampleTime and UTC to group the messages of a sample.
 //
 // The tables below are the layouts. By Xsens's default, attitude, free acceleration and velocity are relative to
 // east-north-up. Messages whose names end in _ned are relative to north-east-down. Attitude, position and velocity
-// are the truth's, or the solution of the unit's own filter; while that has no place, position and velocity are the
-// receiver's. A magnetometer's arbitrary unit is taken as 50 uT.
+// are the truth's or, if the unit has its own filter, the filter's solution. While the filter has no place, position
+// and velocity are the receiver's. The arbitrary unit of the magnetometer is assumed to be 50 uT.
 #include <cmath>
 
 #include "core/attitude.hpp"
@@ -21,8 +21,8 @@ constexpr double rate_lsb = 0x1p-9, force_lsb = 0x1p-8, temperature_lsb = 0x1p-8
 
 // --- Numbers that only this product has ---
 // StatusWord: bit 0 self-test, 1 attitude valid, 2 the receiver has a fix, 8 to 10 accelerometer clipped, 11 to 13
-// gyro clipped, 19 any clipped; 23 to 25 the mode of a filter of the unit's own: 1 without fixes, 3 with them
-// (Xsens's XsStatusWord message).
+// gyro clipped, 19 any clipped; 23 to 25 the mode of the unit's own filter: 1 without fixes, 3 with fixes (Xsens's
+// XsStatusWord message).
 double status_word(const Reading& reading) noexcept {
   const std::uint32_t status = reading.sample.status;
   const std::uint32_t clipped = (status >> 3 & 7U) << 8 | (status & 7U) << 11;
@@ -42,8 +42,8 @@ void put_status_word(double value, ReadBack& read) noexcept {
 constexpr MeasuredQuantity status_quantity = {
     .name = "status_word", .help = "", .get = status_word, .set = put_status_word};
 
-// DeltaV has a common exponent e: the value is mantissa * 2^-e. The parser of the driver takes any; xsens.dbc has the
-// factor 2^-17. It is 17 here unless a component needs less.
+// The components of DeltaV have a common exponent e: a value is mantissa * 2^-e. The parser of the driver takes any
+// e; xsens.dbc has the factor 2^-17. Here e is 17, or less if a component would not fit.
 constexpr int largest_exponent = 17;
 double exponent(const Reading& reading) noexcept {
   const double largest = reading.delta_velocity.cwiseAbs().maxCoeff();
