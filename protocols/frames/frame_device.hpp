@@ -23,8 +23,8 @@ namespace imud {
 struct FrameMessage {
   std::string name;
   std::uint32_t line = 0;     // in the file
-  Nanoseconds period = {};    // with the first sample of each period; 0: by the divider
-  std::uint64_t divider = 1;  // with the samples of numbers phase + k * divider since the start
+  Nanoseconds period = {};    // sent with the first sample of each period; 0: by the divider
+  std::uint64_t divider = 1;  // sent with the samples phase + k * divider, counted from the start
   std::vector<std::uint64_t> phases = {0};
   std::shared_ptr<MessageLayout> layout;  // each unit, decoder and seal selects its own optional elements
   FrameSwitch by_settings;
@@ -35,17 +35,16 @@ bool may_coincide(const FrameMessage& a, const FrameMessage& b);
 
 // Returns the highest rate at which a message may be sent, Hz; 0: the divider determines the rate.
 double highest_rate_hz(const FrameDescription& description, const FrameDescription::Message& message);
-// Returns the rate of the samples, Hz, where a configuration gives none: the description's own, or else the highest
-// rate of its messages if each has one; 0: there is none.
+// Returns the rate of the samples, Hz, for a configuration that has none: the description's rate or, if it has none,
+// the highest rate of its messages if each has a rate. Returns 0 if there is no such rate.
 double default_rate_hz(const FrameDescription& description);
 
-// Returns the messages, compiled. Throws FrameFaults with every fault.
+// Returns the compiled messages. Throws FrameFaults with every fault.
 std::vector<FrameMessage> frame_messages(const FrameDescription& description);
 
 // Sends the messages that are due with each sample, in the order of the file. A message's increments are the sums
-// since that message was last sent. The first sample after power on starts periods and dividers. While a message
-// is switched off, by the stream or by a setting, its increments are those since it was last due, and it is not
-// counted.
+// since this message was last sent. The first sample after power on starts periods and dividers. A message may be
+// switched off, by the stream or by a setting. Then it is not counted, and its increments restart whenever it is due.
 class FrameDevice final : public Device, private FrameHost::Unit {
  public:
   FrameDevice(std::vector<FrameMessage> messages, const FrameDescription& description, FrameHost host,
@@ -63,11 +62,11 @@ class FrameDevice final : public Device, private FrameHost::Unit {
  private:
   struct Scheduled {
     FrameMessage message;
-    std::int64_t number = -1;  // of the message that was due last
-    std::int64_t skew = 0;     // alive_counter is `number` plus this: polls, less what was due while switched off
+    std::int64_t number = -1;  // of the message that was last due
+    std::int64_t skew = 0;     // alive_counter less `number`: polls, less messages that were due while switched off
     bool is_on = true;
-    bool is_allowed = true;  // by its settings: a poll sends it
-    bool is_polled = false;  // before the first sample
+    bool is_allowed = true;  // by its settings: a poll sends the message
+    bool is_polled = false;  // polled before the first sample
     DeviceTime sent = {};
     Vector3 delta_angle = Vector3::Zero(), delta_velocity = Vector3::Zero();
     Quaternion rotation = Quaternion::Identity();
@@ -106,8 +105,9 @@ class FrameDevice final : public Device, private FrameHost::Unit {
 // may messages that settings switch, or whose phases exclude a message that is present. The measurement is
 // complete when no other message can belong to it, or when the next sample begins. The bit of a vector in
 // Measurement::fields is set if all components that the messages carry are present; components that no message
-// carries are 0. Clocks and counters are unwrapped; a stream without a counter of samples has its counter of
-// messages, or, if it has no clock either and all messages are sent with each sample, the counter of all messages.
+// carries are 0. Clocks and counters are unwrapped. If the stream has no counter of samples, the measurement has the
+// counter of a message. If it has no clock either, and all messages are sent with each sample, the measurement has
+// the counter of all messages.
 class FrameStreamDecoder final : public Decoder, public FieldDecoder {
  public:
   // `values`: the probable values of the unit's settings. Messages that are sent with these values are tried
@@ -128,7 +128,8 @@ class FrameStreamDecoder final : public Decoder, public FieldDecoder {
   // Unwraps a clock or a counter.
   class Continued {
    public:
-    // Returns the number that is nearest to the last one, or, of a short counter, the next one that is not less.
+    // Returns the unwrapped number that is nearest to the last number. Unless `may_go_back`, as for a short counter,
+    // returns the next number that is not less than the last one.
     std::uint64_t next(const Wrapping& read, bool may_go_back) noexcept;
 
    private:
@@ -148,9 +149,9 @@ class FrameStreamDecoder final : public Decoder, public FieldDecoder {
   void choose_clocks();
 
   std::vector<Known> known_;
-  std::vector<FrameKind> kinds_;  // in the same order
+  std::vector<FrameKind> kinds_;  // in the order of known_
   FrameReceiver* receiver_ = nullptr;
-  std::vector<std::size_t> order_;  // in which the messages are tried
+  std::vector<std::size_t> order_;  // the messages in the order in which they are tried
   std::uint32_t components_ = 0;    // carried by all messages together
   // Bits of the messages whose clock, counter of samples, own counter, and counter of all messages are read.
   std::uint64_t clocks_ = 0, counters_ = 0, alive_counters_ = 0, frame_counters_ = 0;

@@ -9,7 +9,7 @@
 
 namespace imud {
 
-// The content is the whole frame, as long as its constants stay and its numbers are finite.
+// The whole frame is its content: any byte may change, as long as the constants stay and the numbers are finite.
 class FrameMessageSeal final : public FrameSeal {
  public:
   FrameMessageSeal(std::vector<FrameMessage> messages, FrameEscape escape);

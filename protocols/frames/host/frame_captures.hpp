@@ -1,5 +1,5 @@
-// FrameCaptures, which a request captures, and the two forms of requests: lines of text (FrameLine), and bytes
-// (FrameBytes), which answers have, too.
+// FrameCaptures: the parts of a request that were captured. The two forms of requests: lines of text (FrameLine), and
+// bytes (FrameBytes). Answers may be FrameBytes, too.
 #pragma once
 
 #include <array>
@@ -24,17 +24,18 @@ struct FrameCaptures {
   std::string_view line;                   // of a line, without its end
   std::string_view any;                    // by {any}
   std::optional<std::size_t> setting;      // by {setting}
-  std::string_view value;                  // the text by {value} or {NAME}, whatever it is
+  std::string_view value;                  // the text by {value} or {NAME}, which may be no value of the setting
   std::array<FrameChosen, most> chosen{};  // settings with their values, each once
   std::size_t count = 0;                   // of `chosen`
   bool is_allowed = true;                  // false: a captured value is no value of its setting
 
-  // Adds a value of the setting of that index, in place of an earlier one; nullopt: it is none of the setting.
+  // Adds a value of the setting with this index, in place of an earlier value. `chosen_value`: nullopt: the captured
+  // value is no value of the setting.
   void add(std::size_t index, std::optional<FrameValue> chosen_value) noexcept;
 };
 
-// A pattern of a line: text with {setting}, {value}, {NAME} of a setting, or {any}. A capture ends at the first
-// character that follows it in the pattern, so that the time to compare is linear.
+// A pattern of a line: text with {setting}, {value}, {NAME} of a setting, or {any}. A capture ends at the next
+// character of the pattern. Therefore the time of a comparison is linear.
 class FrameLine {
  public:
   // Throws std::invalid_argument.
@@ -49,13 +50,13 @@ class FrameLine {
   bool ignores_case() const noexcept { return ignores_case_; }
   bool captures_setting() const noexcept { return captures_setting_; }
   bool captures_values() const noexcept { return captures_values_; }
-  // Returns true if a captured value may be one of a range.
+  // Returns true if a captured value may be a number of a range.
   bool captures_ranges() const noexcept { return captures_ranges_; }
   bool has_any() const noexcept { return has_any_; }
 
-  // Returns the lines that match, at most 1024, with each value that is listed, and the ends of ranges; {any} is "1".
+  // Returns lines that match, at most 1024: with each listed value, and with the ends of ranges; {any} is "1".
   std::vector<std::string> lines(const FrameSettings& settings) const;
-  // Returns the beginnings of the lines that match, for each setting, up to the first {any}, {value} or {NAME}.
+  // Returns for each setting the beginning of the lines that match, up to the first {any}, {value} or {NAME}.
   std::vector<std::string> beginnings(const FrameSettings& settings) const;
 
  private:
@@ -71,21 +72,21 @@ class FrameLine {
   bool captures_setting_ = false, captures_values_ = false, captures_ranges_ = false, has_any_ = false;
 };
 
-// Bytes by a list of elements, in which there may be captures: of a request `{NAME}:u16`, `bits:u8:0={NAME}`, `??`,
-// and where its length gives their number `_:*` for any bytes and `{items}` for items; of an answer `{NAME}:u16`,
-// `bits:u8:0={NAME}`, and bytes of the request, `{3}` or `{3-6}`.
+// Bytes by a list of elements, which may have captures. A request may have `{NAME}:u16`, `bits:u8:0={NAME}` and `??`.
+// If the request has a length, it may also have `_:*` for any bytes, and `{items}` for items. An answer may have
+// `{NAME}:u16`, `bits:u8:0={NAME}`, and bytes of the request, `{3}` or `{3-6}`.
 class FrameBytes {
  public:
   enum class Role : std::uint8_t { request, item, answer };
   using Items = std::vector<std::vector<FrameHostDescription::Text>>;
-  // `place` precedes the elements in faults. `request_size`: the bytes that an answer may repeat. `items`: of a
-  // request. Throws FrameFaults with every fault.
+  // `place`: text before the elements in faults. `request_size`: how many bytes of the request an answer may repeat.
+  // `items`: of a request. Throws FrameFaults with every fault.
   FrameBytes(const FrameDescription& description, std::span<const FrameHostDescription::Text> elements,
              const std::string& place, Role role, std::size_t request_size, const FrameSettings& settings,
              const Items& items = {});
 
-  std::size_t size() const noexcept { return layout_->size(); }    // bytes; an answer's
-  std::size_t fixed() const noexcept { return layout_->fixed(); }  // bytes of a request whose place is fixed
+  std::size_t size() const noexcept { return layout_->size(); }    // bytes of an answer
+  std::size_t fixed() const noexcept { return layout_->fixed(); }  // bytes at the begin of a request, at fixed places
   bool captures_values() const noexcept { return captures_values_; }
   bool has_quantities() const noexcept { return has_quantities_; }
   const FrameLayout& layout() const noexcept { return *layout_; }
@@ -95,9 +96,9 @@ class FrameBytes {
   // result is `yes`.
   FrameLayout::Match match(std::span<const std::byte> held, const FrameSettings& settings,
                            FrameCaptures& captures) const noexcept;
-  // Returns a request that matches, with these values of the settings; bytes that may be any are 0.
+  // Returns a request that matches, with these values of the settings. Bytes that may have any value are 0.
   std::vector<std::byte> example(std::span<const FrameValue> values, const FrameSettings& settings) const;
-  // Returns true if there may be bytes that begin with a request of both.
+  // Returns true if the same bytes may begin with a request of this form and with a request of the other form.
   bool overlaps(const FrameBytes& other) const noexcept { return layout_->may_coincide(*other.layout_); }
 
   // --- An answer ---
@@ -110,7 +111,7 @@ class FrameBytes {
     std::size_t offset = 0;
     FrameNumber number;
     unsigned low = 0, width = 8;         // bits of the number
-    std::optional<std::size_t> setting;  // nullopt: `number.bytes` bytes of the request from `first` on
+    std::optional<std::size_t> setting;  // nullopt: repeats `number.bytes` bytes of the request from `first` on
     std::size_t first = 0;
   };
   class Parser;

@@ -15,20 +15,20 @@
 
 namespace imud {
 
-// A line is of printable characters and ends with CR or LF; at any other byte a binary request may begin. An
-// unfinished request that receives no byte for 1 s is discarded. At power on, and at a restart that a request asks
-// for, the unit has its stored settings and streams. After construction nothing here allocates or throws. One thread.
+// A line consists of printable characters and ends with CR or LF. At any other byte a binary request may begin. An
+// unfinished request is discarded if no byte is received for 1 s. At power on, and at a restart by a request, the
+// unit loads its stored settings and streams. After construction nothing here allocates or throws. One thread.
 class FrameHost {
  public:
   // The unit that owns the FrameHost.
   class Unit {
    public:
     virtual const Sample& newest() const noexcept = 0;
-    // Sends a message once: immediately with the newest sample, or if there is none yet, with the first sample.
+    // Must send a message once: immediately with the newest sample or, if there is no sample yet, with the first one.
     virtual void poll_message(std::size_t message, DeviceTime now, FrameBuffer& out) noexcept = 0;
-    // Settings, or the stream, have changed.
+    // Is called when settings have changed, or the stream was switched.
     virtual void switch_messages() noexcept = 0;
-    // Starts as at power on.
+    // Must start the unit as at power on.
     virtual void restart(DeviceTime now) noexcept = 0;
 
    protected:
@@ -38,7 +38,7 @@ class FrameHost {
   explicit FrameHost(std::shared_ptr<const FrameRequests> requests);
 
   const FrameRequests& requests() const noexcept { return *requests_; }
-  // Stores a value, as if a host had saved it before.
+  // Stores a value as if a host had saved it.
   void store(FrameChosen chosen) noexcept;
 
   void power_on() noexcept;
@@ -51,12 +51,12 @@ class FrameHost {
 
   bool is_streaming() const noexcept { return is_streaming_; }
   std::span<const FrameValue> values() const noexcept { return values_; }  // of all settings
-  // Returns the bit rate of the line; nullopt if no setting has it. A new bit rate applies after the answer.
+  // Returns the bit rate of the line; nullopt if no setting has it. A new bit rate takes effect after the answer.
   std::optional<unsigned> baud() const noexcept;
-  // Returns the index of the request that was executed last, or refused by its own answer.
+  // Returns the index of the last request that was executed, or refused with the answer `otherwise`.
   std::optional<std::size_t> newest_request() const noexcept { return newest_request_; }
-  std::uint64_t unknown_bytes() const noexcept { return unknown_bytes_; }  // that no request matched, answered or not
-  std::uint64_t lost_answers() const noexcept { return lost_answers_; }    // for which there was no room
+  std::uint64_t unknown_bytes() const noexcept { return unknown_bytes_; }  // bytes that no request has matched
+  std::uint64_t lost_answers() const noexcept { return lost_answers_; }    // answers for which there was no room
 
  private:
   using Search = FrameSearch<FrameHostDescription::longest_request>;

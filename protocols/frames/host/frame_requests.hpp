@@ -1,4 +1,4 @@
-// FrameRequests: what a host may ask for, and what the unit answers, compiled from a description.
+// FrameRequests: the requests that a unit understands, and its answers, compiled from a description.
 #pragma once
 
 #include <cstddef>
@@ -19,12 +19,12 @@ struct FrameAnswering {
   const Sample& newest;
 };
 
-// An answer: text with {setting}, {value}, {NAME}, {any} and {line}, elements, or nothing.
+// An answer: either text with {setting}, {value}, {NAME}, {any} and {line}, or elements, or nothing.
 class FrameAnswer {
  public:
   FrameAnswer() = default;
-  // `is_refusal`: {value} is the text that the host sent, otherwise the present value of its setting. `place`: for
-  // faults. Throws FrameFaults.
+  // `is_refusal`: {value} is the text that the host has sent; otherwise it is the present value of the setting.
+  // `place`: text for faults. Throws FrameFaults.
   FrameAnswer(const FrameDescription& description, const FrameHostDescription::Answer& answer,
               const std::string& place, const FrameLine* request, std::size_t request_size, bool is_refusal,
               const FrameSettings& settings);
@@ -65,7 +65,7 @@ struct FrameRequest {
   bool sets_captured = false;
   bool saves = false, restores = false;
   std::optional<bool> streams;
-  Nanoseconds delay{};  // before what follows
+  Nanoseconds delay{};  // before the effects below
   FrameAnswer answer;
   std::optional<std::size_t> poll;  // index of a message
   bool resets = false;
@@ -75,7 +75,7 @@ struct FrameRequest {
   bool accepts(const FrameCaptures& captures) const noexcept { return captures.is_allowed || otherwise.is_given(); }
 };
 
-// Immutable. Nothing but the constructor and what is for people throws or allocates.
+// Immutable. Only the constructor and the functions for people throw or allocate.
 class FrameRequests {
  public:
   // Throws FrameFaults with every fault.
@@ -87,13 +87,13 @@ class FrameRequests {
   // Returns true if an answer has quantities of the newest sample.
   bool needs_samples() const noexcept { return needs_samples_; }
   std::size_t longest_answer() const noexcept { return longest_answer_; }  // bytes
-  // The answer where no request matches: to lines, or, if there is a form, to bytes of it.
+  // The answer if no request matches: to lines or, if there is unknown_form(), to bytes of this form.
   const FrameAnswer& unknown_answer() const noexcept { return unknown_; }
   const std::optional<FrameBytes>& unknown_form() const noexcept { return unknown_form_; }
   const std::vector<FrameValue>& delivered() const { return delivered_; }  // values of all settings
   std::optional<std::size_t> baud_setting() const noexcept { return baud_setting_; }
 
-  // Returns a request of each form, a line with its end. The values are the settings as delivered.
+  // Returns an example of each request, lines with their end, with the settings as delivered.
   std::vector<std::vector<std::byte>> examples() const;
 
  private:
@@ -120,8 +120,8 @@ class FrameRequests {
 // Returns tables of the settings and the requests, as lines for people.
 std::vector<std::string> frame_request_rows(const FrameDescription& description);
 
-// Sends the test requests of a description, each to a unit as delivered, and compares the answers. Throws FrameFaults
-// with every difference.
+// Sends each test request of a description to a unit as delivered, and compares the answer. Throws FrameFaults with
+// every difference.
 void test_frame_requests(const FrameDescription& description);
 
 }  // namespace imud

@@ -33,9 +33,9 @@ class FrameCheck {
   std::size_t size() const noexcept { return size_; }            // bytes, 1 to 8
   std::size_t word_size() const noexcept { return word_size_; }  // bytes; the ranges have whole words
 
-  // Returns the check of ranges of `frame`, [begin, end), one after another, and then of `extra`. Its lowest size()
-  // bytes are sent in the byte order of the check; Fletcher's first sum is the first byte in either order. `is_big`:
-  // the order of words. Nothing is allocated.
+  // Returns the check of the bytes in `ranges` of `frame`, [begin, end), one range after another, followed by
+  // `extra`. The lowest size() bytes of the result are sent in the byte order of the check; the first sum of
+  // Fletcher's check is the first byte in either order. `is_big`: the byte order of words. Nothing is allocated.
   using Range = std::pair<std::size_t, std::size_t>;
   std::uint64_t of(std::span<const std::byte> frame, std::span<const Range> ranges, std::span<const std::byte> extra,
                    bool is_big) const noexcept;

@@ -50,10 +50,11 @@ class FrameLayout::Compiler {
   void copy_elements(FrameElement::Kind kind, std::span<const std::byte> from, std::span<std::byte> to) const;
   std::pair<std::size_t, std::vector<Row>::const_iterator> first_difference(std::span<const std::byte> got,
                                                                             std::span<const std::byte> wanted) const;
-  // These return texts for a fault: of bytes that differ from the test frame, or have another number,
+  // Return texts for a fault: bytes differ from the test frame; their number differs; a check differs from the check
+  // in the test frames.
   std::string difference(std::span<const std::byte> got, std::span<const std::byte> wanted) const;
   std::string wrong_size(std::span<const std::byte> got, std::span<const std::byte> wanted) const;
-  std::string wrong_check(const Check& check) const;  // and of a check that is another one than in the test frames
+  std::string wrong_check(const Check& check) const;
   void constant(std::size_t offset, std::span<const std::byte> bytes);
 
   // Calls `act` and adds the fault that it throws.

@@ -1,5 +1,5 @@
-// FrameDescription: what the file of protocol `frame` says about the frames of a serial sensor (README.md), as plain
-// text and numbers. The reader of the file makes it, and FrameLayout compiles it.
+// FrameDescription: the description of a serial sensor's frames from the file of protocol `frame` (README.md), as
+// plain text and numbers. The reader of the file makes this description, and FrameLayout compiles it.
 #pragma once
 
 #include <cstddef>
@@ -49,37 +49,37 @@ struct FrameDescription {
   struct Test {
     Text frame;  // in hexadecimal, or the line of text
     std::vector<Value> values;
-    std::vector<FrameHostDescription::Choice> settings = {};  // with which it was sent; all others are as delivered
+    std::vector<FrameHostDescription::Choice> settings = {};  // of the unit at this frame; others are as delivered
   };
   struct Message {
     std::string name;
     std::uint32_t line = 0;
-    bool is_big = false;  // the byte order of numbers that have none of their own
+    bool is_big = false;  // the byte order of numbers whose element states none
     double rate_hz = 0;   // 0: by the divider
     // Sent with each sample whose number since the start is one of the phases + k * divider.
     std::uint64_t divider = 1;
     std::vector<std::uint64_t> phases = {0};  // ascending, less than the divider
     std::vector<Text> layout;
-    std::optional<Text> text;  // of a line of text, in place of the layout
+    std::optional<Text> text;  // a line of text, in place of the layout
     std::vector<Test> tests;
 
-    std::string rate_setting;                        // that has the rate; empty: `rate_hz`
+    std::string rate_setting;                        // the setting with the rate; empty: `rate_hz`
     std::vector<FrameHostDescription::Choice> when;  // sent while all of these hold
     bool is_streamed = true;                         // false: only sent when a request polls it
   };
 
-  // After power on; counted from then.
+  // The start-up after power on. Times count from power on.
   struct Start {
-    Nanoseconds silent{};  // nothing is sent
-    Nanoseconds until{};   // the bit `starting` is set; 0 or more than `silent`
-    std::byte pattern{};   // and each byte of rates, specific forces and increments has this value; 0: as they are
+    Nanoseconds silent{};  // until then nothing is sent
+    Nanoseconds until{};   // until then the bit `starting` is set; 0, or more than `silent`
+    std::byte pattern{};   // until then, each byte of rates, specific forces and increments; 0: no pattern
   };
 
   std::string file;      // its path, or the name of a shipped description
   std::string name;      // of the product
-  std::string document;  // and its edition
+  std::string document;  // with its edition
   std::string model;     // the preset of the emulator that has the product's errors; empty: none is known
-  double rate_hz = 0;    // of the samples, where the configuration gives none; 0: not given
+  double rate_hz = 0;    // of the samples, if the configuration has no rate; 0: not given
   UartSettings uart;     // baud 0: not given
   Start start;
   FrameEscape escape = FrameEscape::none;
@@ -87,7 +87,7 @@ struct FrameDescription {
   std::vector<Message> messages;
 
   FrameHostDescription host;
-  std::string baud_setting;  // that has the bit rate of the line; empty: `uart`
+  std::string baud_setting;  // the setting with the bit rate of the line; empty: `uart`
 };
 
 // Returns true if the name of a description is the path of a file; false if it is the name of a shipped

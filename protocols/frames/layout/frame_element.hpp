@@ -24,7 +24,7 @@ struct FrameSource {
     alive_counter,  // counts the message
     frame_counter,  // counts all messages of the device
     status,         // 1 if one of `bits` is set in Sample::status, or while the device is starting
-    flag,           // 1 if the quantity in `in` is above 0, or, if there is a `limit`, below that
+    flag,           // 1 if the quantity in `in` is above 0 or, if there is a `limit`, below the limit
   };
   static constexpr std::uint32_t starting = 0;  // `bits` of the state of the device
 
@@ -37,7 +37,7 @@ struct FrameSource {
   std::optional<double> limit = {};  // of a flag; in the unit
   std::uint64_t constant = 0;        // of a constant
   double modulus = 0;                // in the unit; 0: none
-  // SI, in place of the value of a quantity or flag where the unit has no navigation solution of its own.
+  // SI; the value of a quantity or flag if the unit has no navigation solution of its own.
   std::optional<double> otherwise = {};
 };
 
@@ -47,7 +47,8 @@ struct FrameElement {
     unsigned low = 0, high = 0;  // numbers of bits, 0 the lowest
     FrameSource source;
   };
-  // From one label to another; an empty name is the end of the frame for `to`, and of a check its own place.
+  // The bytes from the label `from` to the label `to`. An empty `to` is the end of the frame or, for a check without
+  // is_to_end, the place of the check.
   struct Range {
     std::string from, to;
     bool is_to_end = false;  // `@` alone
@@ -56,12 +57,12 @@ struct FrameElement {
   Kind kind = Kind::constant;
   std::string text;       // as in the file, without the condition
   std::string condition;  // of an optional element, such as "MASK.3"; empty: it is always sent
-  // The bytes of a constant; unused bytes as they are sent, empty if as 0; the bytes that follow the ranges of a
-  // check.
+  // A constant: its bytes. Unused bytes: the bytes that are sent; empty: zeros. A check: the bytes that follow its
+  // ranges.
   std::vector<std::byte> bytes;
   std::string label;           // without the @
-  bool is_variable = false;    // any number of unused bytes, of which `count` has one
-  std::size_t count = 0;       // unused bytes; of padding the bytes of which the frame becomes a multiple
+  bool is_variable = false;    // any number of unused bytes; `count` is then 1
+  std::size_t count = 0;       // of unused bytes; of padding: the size of the frame becomes a multiple of this
   FrameNumber number;          // of a field, bits, a length and a check
   FrameSource source;          // of a field
   double lsb = 1, offset = 0;  // of a field, in its unit
@@ -69,7 +70,7 @@ struct FrameElement {
   bool is_floor = false;       // of a field: rounded down
   std::vector<BitField> bit_fields;
   std::vector<Range> ranges;  // of a length (one) and of a check
-  std::size_t divisor = 1;    // of a length: it counts pieces of so many bytes
+  std::size_t divisor = 1;    // of a length, which counts pieces of so many bytes
   std::int64_t plus = 0;      // of a length
   std::optional<FrameCheck> check;
 };
@@ -77,14 +78,14 @@ struct FrameElement {
 // Throws std::invalid_argument.
 [[noreturn]] void refuse_element(const std::string& fault);
 
-// Returns the element. `is_big`: the byte order of numbers that have none of their own. Throws std::invalid_argument,
-// whose message has the fault and the remedy.
+// Returns the element. `is_big`: the byte order of numbers whose element states none. Throws std::invalid_argument
+// with the fault and the remedy.
 FrameElement parse_frame_element(std::string_view text, bool is_big, std::span<const FrameDescription::Check> own);
 
-// Returns the source that a name in a bit field or in test values means: a quantity with its unit, a counter or a
-// bit of the status; nullopt if there is none.
+// Returns the source with this name, as in bit fields and test values: a quantity with its unit, a counter, or a bit
+// of the status. Returns nullopt if there is none.
 std::optional<FrameSource> find_frame_source(std::string_view name);
-// Returns the fault of an unknown name, with the nearest name that is known.
+// Returns the fault that a name is unknown, with the nearest known name.
 std::string unknown_frame_source(std::string_view name);
 
 }  // namespace imud
