@@ -49,9 +49,10 @@ class EscapeReader {
   // FrameDescription::longest_frame bytes, and is valid until the next call.
   bool take(std::byte byte) noexcept;
   std::span<const std::byte> content() const noexcept { return std::span(held_).first(size_); }
-  // Returns the bytes of that frame on the line, without a mark that may have ended the frame before.
+  // Returns how many bytes the frame of content() has on the line. A mark that has ended the frame before does not
+  // count.
   std::uint64_t frame_bytes() const noexcept { return frame_bytes_; }
-  // Returns how many bytes belonged to no frame since the last call: damaged escapes, frames that are too long.
+  // Returns how many bytes since the last call belonged to no frame: damaged escapes, frames that are too long.
   std::uint64_t take_skipped() noexcept;
   // Ends the input: an unfinished frame counts as skipped.
   void finish() noexcept;
@@ -73,8 +74,8 @@ class EscapeReader {
   bool is_open_ = false;           // a frame has begun
   bool is_ended_ = false;          // content() was returned
   bool is_escaped_ = false;        // the last byte was an escape
-  bool is_skipping_ = false;       // of COBS: the rest of a frame that is too long
-  unsigned block_ = 0, left_ = 0;  // of COBS: the code of the block, and its bytes that are to come
+  bool is_skipping_ = false;       // COBS: skips the rest of a frame that is too long
+  unsigned block_ = 0, left_ = 0;  // COBS: the code of the block, and how many of its bytes are missing
 };
 
 }  // namespace imud

@@ -32,8 +32,8 @@ struct FrameKind {
 
 // A frame of one of the kinds. It is valid during the call that passes it.
 struct DecodedFrame {
-  std::size_t kind = 0;              // index in FieldDecoder::frame_kinds()
-  std::uint64_t offset = 0;          // bytes of the input before it; of SLIP and HDLC before the byte after the mark
+  std::size_t kind = 0;      // index in FieldDecoder::frame_kinds()
+  std::uint64_t offset = 0;  // bytes of the input before the frame; SLIP, HDLC: before the byte after the mark
   std::span<const std::byte> bytes;  // without the escapes of its framing
 };
 
@@ -45,7 +45,7 @@ class FrameReceiver {
   ~FrameReceiver() = default;
 };
 
-// The other base of a Decoder whose frames have named fields.
+// The second base class of a Decoder whose frames have named fields.
 class FieldDecoder {
  public:
   virtual std::span<const FrameKind> frame_kinds() const noexcept = 0;

@@ -14,7 +14,7 @@ struct FrameHostDescription {
   // Limits of a file, which bound memory and time.
   static constexpr std::size_t most_settings = 32;
   static constexpr std::size_t most_values = 64;                        // of a setting
-  static constexpr std::int64_t largest_value = std::int64_t{1} << 53;  // of a range, and with a minus its smallest
+  static constexpr std::int64_t largest_value = std::int64_t{1} << 53;  // of a range; its smallest is the negative
   static constexpr std::size_t most_requests = 128;
   static constexpr std::size_t most_items = 64;          // kinds, of a request
   static constexpr std::size_t most_tests = 16;          // of a request
@@ -29,12 +29,12 @@ struct FrameHostDescription {
   struct Setting {
     std::string name;
     std::uint32_t line = 0;
-    std::vector<std::string> values;  // texts, or the shortest texts of numbers; of a range none
+    std::vector<std::string> values;  // texts, or the shortest texts of numbers; empty for a range
     bool is_number = false;           // all values are numbers
     bool is_range = false;            // the values are all whole numbers from `lowest` to `highest`
     std::int64_t lowest = 0, highest = 0;
     std::vector<std::uint64_t> codes;  // of the values, in binary requests and answers; empty: the values themselves
-    std::uint64_t delivered = 0;       // index of the value; of a range its distance from `lowest`
+    std::uint64_t delivered = 0;       // index of the value as delivered; of a range: its distance from `lowest`
     bool is_kept = false;              // a value that the host sets survives a loss of power
   };
   // A setting with one of several values, as a condition, or with one value that a request sets.
@@ -43,7 +43,7 @@ struct FrameHostDescription {
     std::vector<std::string> values;
     std::uint32_t line = 0;
   };
-  // The bytes that a unit answers: either text with captures, or elements. Neither: it does not answer.
+  // The answer of a unit: either text with captures, or elements. If there is neither, the unit does not answer.
   struct Answer {
     std::optional<Text> text;
     std::vector<Text> layout;
@@ -55,11 +55,11 @@ struct FrameHostDescription {
   };
   struct Request {
     std::uint32_t line = 0;
-    std::optional<Text> text;  // a line; absent: `layout` has the bytes
+    std::optional<Text> text;  // a line; nullopt: `layout` has the bytes
     bool ignores_case = false;
     std::vector<Text> layout;
-    std::vector<std::vector<Text>> items;  // the kinds of an element {items} of `layout`: the elements of each
-    std::vector<Choice> when;              // understood while all of these hold
+    std::vector<std::vector<Text>> items;  // the kinds of items for {items} in `layout`, each with its elements
+    std::vector<Choice> when;              // the request is understood while all of these hold
 
     std::optional<bool> streams;  // switches the stream on or off
     bool sets_captured = false;
@@ -71,10 +71,10 @@ struct FrameHostDescription {
     std::vector<Test> tests;
   };
 
-  bool is_big = false;  // the byte order of numbers that have none of their own
+  bool is_big = false;  // the byte order of numbers whose element states none
   std::vector<Setting> settings;
   std::vector<Request> requests;
-  // The answer where no request matches: to lines, or to bytes of this form.
+  // The answer if no request matches: to lines, or to bytes of this form.
   struct Unknown {
     std::uint32_t line = 0;
     std::vector<Text> layout;  // empty: lines

@@ -8,7 +8,7 @@
 
 namespace imud {
 
-// Returns a number of so many ones, 0 to 64.
+// Returns a number whose lowest `bits` bits are 1. `bits`: 0 to 64.
 constexpr std::uint64_t low_bits(unsigned bits) noexcept { return bits == 0 ? 0 : ~std::uint64_t{0} >> (64 - bits); }
 
 // A number of a frame: u8 to u64, i8 to i64 in whole bytes, f32, f64.
@@ -20,7 +20,7 @@ struct FrameNumber {
   bool is_float() const noexcept { return format == Format::float32 || format == Format::float64; }
 };
 
-// Write and read the low bits of a number: `type.bytes` bytes.
+// store_number() writes the lowest `type.bytes` bytes of `bits`; load_number() reads so many bytes.
 inline void store_number(std::uint64_t bits, const FrameNumber& type, std::byte* to) noexcept {
   const std::uint64_t ordered = type.is_big ? boost::endian::native_to_big(bits << (64 - 8 * type.bytes))
                                             : boost::endian::native_to_little(bits);

@@ -1,5 +1,5 @@
-// The parts of which the elements of layouts and texts consist. Private to the parsers of elements; all throw
-// std::invalid_argument, whose message has the fault and the remedy.
+// The parts of the elements of layouts and texts. Private to the parsers of elements. All functions throw
+// std::invalid_argument with the fault and the remedy.
 #pragma once
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// FrameSettings: the settings of a description, and what messages and requests say about them.
+// FrameSettings: the settings of a description, and the conditions of messages and requests on them.
 #pragma once
 
 #include <array>
@@ -18,7 +18,7 @@ namespace imud {
 // Returns true if the texts are equal. `ignores_case`: the case of ASCII letters is ignored.
 bool is_same_text(std::string_view a, std::string_view b, bool ignores_case) noexcept;
 
-// A value of a setting: its index in the list, or, of a range, its distance from the lowest value.
+// A value of a setting: its index in the list of values; in a range, its distance from the lowest value.
 using FrameValue = std::uint64_t;
 
 // A setting and one of its values.
@@ -27,8 +27,8 @@ struct FrameChosen {
   FrameValue value = 0;
 };
 
-// The values that one setting must have: either the listed ones, or, where `mask` is not 0, the numbers of a range
-// that have the bits `wanted` in it.
+// A condition: a setting has one of the listed values or, if `mask` is not 0, a number of a range whose bits in
+// `mask` are `wanted`.
 struct FrameCondition {
   std::size_t setting = 0;
   std::vector<FrameValue> values = {};
@@ -42,29 +42,29 @@ struct FrameCondition {
 
 // Returns true if all conditions hold with these values of all settings.
 bool all_hold(std::span<const FrameCondition> conditions, std::span<const FrameValue> values) noexcept;
-// Returns true if no values of the settings satisfy all conditions of both lists.
+// Returns true if no values of the settings can satisfy all conditions of both lists.
 bool exclude(std::span<const FrameCondition> some, std::span<const FrameCondition> others) noexcept;
 
-// When a message is sent, as far as settings decide.
+// The settings that switch a message, and its rates.
 struct FrameSwitch {
   std::vector<FrameCondition> when;  // all must hold
   std::optional<std::size_t> rate;   // the setting that has the rate
-  std::vector<Nanoseconds> periods;  // of its values; 0: nothing is sent
+  std::vector<Nanoseconds> periods;  // for each value of that setting; 0: nothing is sent
   bool is_streamed = true;           // false: only sent when a request polls it
 
   // Returns true if the message is streamed with these values of all settings.
   bool is_on(std::span<const FrameValue> values) const noexcept;
-  // Returns true if no values of the settings let both be sent.
+  // Returns true if no values of the settings let both messages be sent.
   bool excludes(const FrameSwitch& other) const noexcept { return exclude(when, other.when); }
   bool is_always_on() const noexcept { return is_streamed && when.empty() && !rate; }
 };
 
-// The functions that are not noexcept throw std::invalid_argument, whose message has the fault and the remedy.
+// The functions that are not noexcept throw std::invalid_argument with the fault and the remedy.
 class FrameSettings {
  public:
   using Setting = FrameHostDescription::Setting;
 
-  // Refuses nothing: `faults()` has what is wrong.
+  // Does not throw if a setting is wrong: see faults().
   explicit FrameSettings(const FrameDescription& description);
   // Returns the faults of the settings themselves.
   std::vector<FrameFault> faults() const;
@@ -82,37 +82,37 @@ class FrameSettings {
   std::uint64_t code(FrameChosen chosen) const noexcept;
   // Returns the value as a number; 0 if the value is a text.
   double number(FrameChosen chosen) const noexcept;
-  // Returns the text of a value, which is in `room` if the setting has a range.
+  // Returns the text of a value. If the setting has a range, the text is in `room`.
   using Room = std::array<char, 20>;
   std::string_view text(FrameChosen chosen, Room& room) const noexcept;
-  // Returns the texts of the values that are listed, or of the delivered, the lowest and the highest one of a range.
+  // Returns the texts of the listed values; of a range, the texts of the delivered, the lowest and the highest value.
   std::vector<std::string> examples(std::size_t setting) const;
 
-  // Returns the index of the setting of that name, or a value of it.
+  // Return the index of the setting with this name, and the value with this text.
   std::size_t at(const std::string& name) const;
   FrameValue value_at(std::size_t setting, const std::string& text) const;
   FrameCondition condition(const FrameHostDescription::Choice& choice) const;
   // Returns the condition of an optional element: "NAME.BIT", "!NAME.BIT" or "NAME=VALUE".
   FrameCondition condition(std::string_view text) const;
   std::vector<FrameValue> delivered() const;
-  // Returns when the message is sent. Adds what is wrong with it to `faults`.
+  // Returns the switch of a message. Adds the faults of its settings to `faults`.
   FrameSwitch switch_of(const FrameDescription::Message& message, std::vector<FrameFault>& faults) const;
-  // Refuses a setting of which a value has no code, or one of more than so many bits.
+  // Throws if a value of the setting has no code, or a code of more than `bits` bits.
   void require_codes(std::size_t setting, unsigned bits) const;
   // Returns the periods of a setting whose values are rates in Hz; 0 for the rate 0, at which nothing is sent.
   std::vector<Nanoseconds> periods(std::size_t setting) const;
-  // Refuses a setting of which a value is no bit rate.
+  // Throws if a value of the setting is no bit rate.
   void require_bauds(std::size_t setting) const;
 
  private:
-  // Calls `check` with the values of a list, or with the delivered, the lowest and the highest one of a range.
+  // Calls `check` with each listed value; for a range, with the delivered, the lowest and the highest value.
   template <class Check>
   void each_end(std::size_t setting, Check check) const;
   std::string word(FrameChosen chosen) const;
 
   std::vector<Setting> all_;
-  std::vector<std::vector<double>> numbers_;       // of the values that are listed
-  std::vector<std::vector<std::uint64_t>> codes_;  // of these; one without has `no_code`
+  std::vector<std::vector<double>> numbers_;       // of the listed values
+  std::vector<std::vector<std::uint64_t>> codes_;  // of the listed values; a value without a code has `no_code`
   static constexpr std::uint64_t no_code = ~std::uint64_t{0};
 };
 
