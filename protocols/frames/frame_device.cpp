@@ -12,7 +12,7 @@
 namespace imud {
 namespace {
 
-// Sample times are rounded to ns, so that a sample at the begin of a period may seem to precede it.
+// Sample times are rounded to ns. Therefore a sample at the begin of a period may have a time before the begin.
 constexpr Nanoseconds tolerance{1000};
 
 std::shared_ptr<MessageLayout> layout_of(const FrameDescription& description,
@@ -99,7 +99,7 @@ void FrameDevice::power_on(DeviceTime now) noexcept {
   restart(now);
 }
 
-// The next sample starts periods and dividers.
+// Restarts the unit, so that the next sample starts periods and dividers.
 void FrameDevice::restart(DeviceTime now) noexcept {
   powered_ = now;
   start_.reset();
@@ -134,7 +134,7 @@ void FrameDevice::clear_increments(Scheduled& one, DeviceTime now) noexcept {
   one.rotation.setIdentity();
 }
 
-// Returns the number of the message that was due last.
+// Returns the number of the message that was last due.
 std::int64_t FrameDevice::number_at(const Scheduled& one, DeviceTime now) const noexcept {
   if (one.message.period.count() != 0) return (now - *start_ + tolerance) / one.message.period;
   const std::vector<std::uint64_t>& phases = one.message.phases;

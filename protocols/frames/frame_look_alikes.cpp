@@ -12,7 +12,7 @@
 namespace imud {
 namespace {
 
-// Samples of a vehicle at random. A field that is constant in all of them counts as a constant.
+// Pseudo-random samples of a vehicle. A field that is constant in all samples counts as a constant.
 class RandomSamples {
  public:
   Sample next() {

@@ -18,7 +18,7 @@ bool is_more_frequent(const FrameMessage& a, const FrameMessage& b) {
 
 constexpr std::uint64_t bit(std::size_t index) noexcept { return std::uint64_t{1} << index; }
 
-// Makes names differ: one that others have gets a number at its end.
+// Makes names differ: a name that was used before gets a number at its end.
 class DifferentNames {
  public:
   std::string different(const std::string& name) {
@@ -86,7 +86,8 @@ FrameStreamDecoder::FrameStreamDecoder(std::vector<FrameMessage> messages, Frame
   choose_clocks();
 }
 
-// Chooses the message with the longest round among the needed messages, or else among the others.
+// Chooses for the clock and each counter the message with the longest period: a needed message, or if there is none,
+// another one.
 void FrameStreamDecoder::choose_clocks() {
   const auto choose = [this](std::optional<std::size_t>& chosen,
                              std::optional<Wrapping> MessageLayout::Decoded::*part) {
@@ -114,7 +115,7 @@ void FrameStreamDecoder::choose_clocks() {
   const bool has_time = std::ranges::any_of(known_, [](const Known& one) { return one.message.layout->has_time(); });
   if (!counter && !alive_counter && !has_time && has_equal_steps)
     choose(frame_counter, &MessageLayout::Decoded::frame_counter);
-  // Messages that have the same clock or counter are read, too, and messages that settings let stand in its place.
+  // Messages with the same clock or counter are read as well, and so are messages that settings may send instead.
   const auto all_like = [this](const std::optional<std::size_t>& chosen,
                                std::optional<Wrapping> MessageLayout::Decoded::*part, bool is_own) {
     std::uint64_t all = 0;
@@ -219,7 +220,7 @@ std::size_t FrameStreamDecoder::parse(std::span<const std::byte> held, Measureme
   return Search::reject;
 }
 
-// Processes a frame whose escapes are removed: it is one whole message.
+// Processes a frame without its escapes, which must be one whole message.
 void FrameStreamDecoder::take_content(MeasurementSink& sink) {
   const std::span<const std::byte> content = reader_.content();
   bool has_wrong_check = false;

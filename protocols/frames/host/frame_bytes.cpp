@@ -44,7 +44,7 @@ bool has_any_byte(std::string_view text) {
 
 }  // namespace
 
-// Divides the elements into a layout, in which captures are bytes that may be any, and the captures.
+// Divides the elements into captures and a layout. In the layout, captures are bytes of any value.
 class FrameBytes::Parser {
  public:
   Parser(const FrameDescription& description, Role role, std::size_t request_size, const FrameSettings& settings,
@@ -87,7 +87,7 @@ class FrameBytes::Parser {
     has_quantities |= is_measured(parsed);
     keep(text);
   }
-  // Keeps the size of an element that is refused, so that the others can be checked.
+  // Adds a byte in place of a refused element, so that the other elements can be checked.
   void add_refused() { keep("_:1"); }
 
   // Sets the places of the captures.
@@ -254,7 +254,7 @@ void FrameCaptures::add(std::size_t index, std::optional<FrameValue> chosen_valu
     chosen[count++] = {index, *chosen_value};
 }
 
-// `bytes`: a whole request, or item.
+// Reads the captured values. `bytes`: a whole request, or a whole item.
 void FrameBytes::capture(std::span<const std::byte> bytes, const FrameSettings& settings,
                          FrameCaptures& captures) const noexcept {
   for (const Capture& one : captures_) {
@@ -264,7 +264,7 @@ void FrameBytes::capture(std::span<const std::byte> bytes, const FrameSettings& 
   }
 }
 
-// Returns false if the bytes are no items, one after another.
+// Reads the captures of items. Returns false if the bytes are no sequence of items.
 bool FrameBytes::capture_items(std::span<const std::byte> bytes, const FrameSettings& settings,
                                FrameCaptures& captures) const noexcept {
   while (!bytes.empty()) {

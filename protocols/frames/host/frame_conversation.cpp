@@ -11,7 +11,7 @@ namespace {
 
 using Host = FrameHostDescription;
 
-// A unit that has taken no sample.
+// A unit without a sample.
 class Idle final : public FrameHost::Unit {
  public:
   const Sample& newest() const noexcept override { return sample_; }
@@ -30,7 +30,7 @@ std::vector<std::byte> copied(std::string_view text) {
   return {bytes.begin(), bytes.end()};
 }
 
-// Returns the bytes of a test, or what is wrong with it.
+// Returns the bytes of a test; nullopt if its text is no sequence of hexadecimal bytes.
 std::optional<std::vector<std::byte>> test_bytes(const std::string& text, bool is_text) {
   return is_text ? copied(text) : hex_bytes_in(text);
 }
@@ -44,7 +44,8 @@ std::string difference(std::span<const std::byte> got, std::span<const std::byte
   return "the unit answers " + shown(got) + ", not " + shown(wanted) + ": they differ at byte " + std::to_string(at);
 }
 
-// `index`: of the request that the test is of, or else it is of none.
+// Returns the fault of a test; nullopt if there is none. `index`: of the test's request; nullopt: the bytes must
+// match no request.
 std::optional<std::string> fault_of(const std::shared_ptr<const FrameRequests>& requests,
                                     std::optional<std::size_t> index, bool is_text, bool is_text_answer,
                                     const Host::Test& test) {
@@ -70,7 +71,7 @@ std::optional<std::string> fault_of(const std::shared_ptr<const FrameRequests>& 
 // --- Tables ---
 using Row = std::vector<std::string>;
 
-// Adds the rows with columns of one width.
+// Adds the rows as lines, with all cells of a column padded to the same width.
 void add_table(std::vector<std::string>& lines, const std::vector<Row>& rows) {
   std::vector<std::size_t> widths(rows.front().size());
   for (const Row& row : rows)

@@ -81,7 +81,7 @@ std::size_t FrameHost::parse(std::span<const std::byte> held, DeviceTime now, Un
   return is_unfinished && held.size() < FrameHostDescription::longest_request ? Search::need_more : Search::reject;
 }
 
-// Answers bytes that are a whole frame, but no request. Returns 0 if they are not.
+// Answers bytes that have unknown_form(), but are no request. Returns 0 if the bytes do not have this form.
 std::size_t FrameHost::parse_unknown(std::span<const std::byte> held, bool& is_unfinished, const Unit& unit,
                                      FrameBuffer& replies) noexcept {
   const std::optional<FrameBytes>& form = requests_->unknown_form();
@@ -96,7 +96,7 @@ std::size_t FrameHost::parse_unknown(std::span<const std::byte> held, bool& is_u
   return captures.bytes.size();
 }
 
-// `size`: of the line without its end.
+// Processes a line. `size`: of the line without its end.
 std::size_t FrameHost::parse_line(std::span<const std::byte> held, std::size_t size, bool is_unfinished,
                                   DeviceTime now, Unit& unit, FrameBuffer& replies) noexcept {
   if (size == 0) return 1;
@@ -201,12 +201,12 @@ void FrameHost::poll(DeviceTime now, Unit& unit, FrameBuffer& out) noexcept {
   }
 }
 
-// Changes the bit rate, unless an answer still has to leave.
+// Changes the bit rate, unless an answer is still to be sent.
 void FrameHost::set_line() noexcept {
   if (const auto baud = requests_->baud_setting(); baud && delayed_count_ == 0) line_value_ = values_[*baud];
 }
 
-// Executes what follows the answer.
+// Executes the effects of a request after its answer.
 void FrameHost::finish(std::size_t index, DeviceTime now, Unit& unit, FrameBuffer& out) noexcept {
   const FrameRequest& request = requests_->all()[index];
   if (request.poll) unit.poll_message(*request.poll, now, out);

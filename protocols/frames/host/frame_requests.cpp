@@ -254,7 +254,7 @@ void FrameRequests::add_effects(const FrameDescription& description, const Frame
                          (meant.empty() ? "; give the name of a [[message]]" : "; did you mean \"" + meant + "\"?")});
 }
 
-// Returns what both requests match; empty if there is nothing.
+// Returns a text about input that both requests match; empty if there is none.
 std::string FrameRequests::overlap(std::size_t first, std::size_t second,
                                    std::span<const std::vector<std::string>> lines) const {
   const FrameRequest &a = all_[first], &b = all_[second];

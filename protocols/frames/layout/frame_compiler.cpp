@@ -18,7 +18,7 @@ double below_power(unsigned bits) noexcept {
   return bits <= 53 ? power - 1 : std::nextafter(power, 0.0);
 }
 
-// Returns the bytes of a number in its order.
+// Returns the bytes of a number in its byte order.
 std::vector<std::byte> bytes_of(std::uint64_t bits, const FrameNumber& type) {
   std::vector<std::byte> bytes(type.bytes);
   store_number(bits, type, bytes.data());
@@ -156,8 +156,8 @@ void FrameLayout::Compiler::set_number(Field& field, const FrameElement& element
   const FrameSource& source = element.source;
   const MeasuredIn& in = source.in;
   field.lsb = in.factor * element.lsb;
-  // SI = factor * (lsb * number + offset) + the unit's offset. A zero that is an integer but for the rounding of its
-  // decimal factors is that integer, so that values of both signs are rounded alike.
+  // SI = factor * (lsb * number + offset) + the unit's offset. If the zero differs from an integer only by the
+  // rounding of its decimal factors, it is set to this integer, so that values of both signs are rounded alike.
   const double zero = -(element.offset + in.offset / in.factor) / element.lsb;
   if (!std::isfinite(field.lsb) || field.lsb == 0 || !std::isfinite(zero) || std::abs(zero) > 0x1p62)
     refuse_element("LSB or offset is out of range");
@@ -311,7 +311,7 @@ void FrameLayout::Compiler::resolve_check(const Placed& placed) {
   out_.checks_.push_back(std::move(check));
 }
 
-// A check that lies in the range of another one is computed first.
+// Orders the checks: a check in the range of another check is computed before that check.
 void FrameLayout::Compiler::order_checks() {
   std::vector<Check> ordered;
   std::vector<Check>& rest = out_.checks_;

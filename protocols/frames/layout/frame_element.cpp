@@ -14,7 +14,7 @@
 namespace imud {
 namespace {
 
-// Removes `suffix` from the text, if it ends with it.
+// If the text ends with `suffix`, removes the suffix and returns true.
 bool remove_suffix(std::string_view& text, std::string_view suffix) noexcept {
   if (!text.ends_with(suffix)) return false;
   text.remove_suffix(suffix.size());
@@ -32,7 +32,7 @@ FrameNumber number_type(std::string_view name, bool is_big) {
   return {name.front() == 'u' ? unsigned_integer : signed_integer, *bits / 8, is_big};
 }
 
-// The same for a number without sign or fraction, such as a length.
+// Returns the type of a number without sign and fraction, such as a length. Refuses other types.
 FrameNumber unsigned_type(std::string_view name, bool is_big) {
   const FrameNumber type = number_type(name, is_big);
   if (type.format != FrameNumber::Format::unsigned_integer)
@@ -63,7 +63,7 @@ void parse_field(FrameElement& element, std::string_view text, std::size_t colon
     refuse_element("only an integer that is rounded, and carries no remainder, is rounded down");
 }
 
-// Makes a bit of a quantity that is a number. `limit`: "<NUMBER", or empty.
+// Turns the source, a quantity that is a number, into a flag. `limit`: "<NUMBER", or empty.
 void make_flag(FrameSource& source, std::string_view limit) {
   if (source.modulus != 0) refuse_element("a bit has no modulus");
   source.kind = FrameSource::Kind::flag;

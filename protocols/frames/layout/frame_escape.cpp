@@ -103,7 +103,7 @@ bool EscapeReader::take(std::byte byte) noexcept {
   return escape_ == FrameEscape::dle ? take_dle(value) : take_marked(value);
 }
 
-// The mark that ends a frame may begin the next one, too.
+// The mark that ends a frame may also begin the next frame.
 bool EscapeReader::take_marked(unsigned byte) noexcept {
   const Marked& by = marked(escape_);
   if (byte == by.mark) {
@@ -163,7 +163,7 @@ bool EscapeReader::take_dle(unsigned byte) noexcept {
     fail();
     return false;
   }
-  // A frame begins, whatever was before.
+  // A new frame begins here, even if the frame before was not finished.
   if (bytes_ > 2) {
     bytes_ -= 2;
     fail();

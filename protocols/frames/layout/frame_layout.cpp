@@ -15,7 +15,7 @@ namespace {
 
 using Format = FrameNumber::Format;
 
-// A number that is less than a whole one by so little, in LSBs, because its factors are not exact, is that one.
+// A number that is at most so much below an integer, in LSBs, counts as this integer: its factors are not exact.
 constexpr double floor_margin = 1e-6;
 
 // Returns the rounded number, in two's complement. `x` is in [-2^63, 2^64).
@@ -212,7 +212,7 @@ std::optional<FrameLayout::Decoded> FrameLayout::decode(std::span<const std::byt
       continue;
     }
     if (field.source == Source::status) {
-      // A bit that stands for several is read back only if they are one.
+      // A field that stands for several bits of the status is not read back.
       if (!std::has_single_bit(field.status_bits)) continue;
       if ((bits != 0) != field.is_inverse)
         measurement.sample.status |= field.status_bits;

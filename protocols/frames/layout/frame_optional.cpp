@@ -21,7 +21,7 @@ std::uint64_t FrameLayout::Compiler::condition_of(const FrameElement& element) {
   return std::uint64_t{1} << index;
 }
 
-// Refuses elements that are sent together, and change the size of the range by no whole number of pieces.
+// Refuses optional elements with a common condition if their bytes in the range are no whole number of pieces.
 void FrameLayout::Compiler::require_whole(const FrameCheck::Range& range, std::size_t bytes,
                                           const std::string& pieces) const {
   for (std::size_t i = 0; i < out_.conditions_.size(); ++i) {
@@ -45,7 +45,7 @@ void FrameLayout::Compiler::require_sizes(const Whole::Length& length) const {
   if (length.of(least) < 0) refuse_element("the length is negative without the optional elements");
 }
 
-// Keeps the whole layout, and selects the elements that are sent as delivered.
+// Keeps the whole layout, and selects the elements that a unit as delivered sends.
 void FrameLayout::Compiler::make_optional() {
   if (out_.conditions_.empty()) return;
   Whole& whole = out_.whole_;
@@ -67,7 +67,7 @@ void FrameLayout::Compiler::make_optional() {
 }
 
 // --- Any number of bytes ---
-// Keeps the place of the element, if it has any number of bytes.
+// Stores the place of the element if it has any number of bytes.
 void FrameLayout::Compiler::set_variable(const FrameElement& element) {
   if (!element.is_variable) return;
   if (use_ == Use::message) refuse_element("only a request has any number of bytes; give their number, as _:4");
@@ -76,7 +76,7 @@ void FrameLayout::Compiler::set_variable(const FrameElement& element) {
   out_.variable_ = out_.size();
 }
 
-// Finds what a request needs so that its end is known.
+// Checks that the end of a request with any number of bytes can be found: it needs a length before these bytes.
 void FrameLayout::Compiler::make_variable() {
   if (!out_.variable_) return;
   const std::size_t first = *out_.variable_;
@@ -97,7 +97,7 @@ void FrameLayout::Compiler::make_variable() {
   if (!out_.have_places({first, first + 1, out_.size(), out_.size()})) refuse("a check has more than 16 ranges");
 }
 
-// Compiles the message of the elements that are sent with the settings of the test, and tests that.
+// Compiles the message with the elements that are sent with the settings of the test, and tests this message.
 void FrameLayout::Compiler::test_selected(const FrameDescription::Test& test) {
   std::vector<FrameValue> values = settings_->delivered();
   for (const FrameHostDescription::Choice& choice : test.settings) try {

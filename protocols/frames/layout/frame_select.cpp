@@ -6,8 +6,8 @@
 
 namespace imud {
 
-// Removes the elements that are not sent from the whole layout, and moves what follows them. Nothing is allocated: no
-// part becomes larger than it was.
+// Makes the layout from the whole layout: leaves out the elements that are not sent, and moves the elements behind
+// them. Nothing is allocated, because no part is larger than in the whole layout.
 void FrameLayout::select(std::span<const FrameValue> values) noexcept {
   if (conditions_.empty()) return;
   std::uint64_t absent = 0;  // bits of the conditions that do not hold
@@ -68,7 +68,7 @@ bool FrameLayout::have_places(const Around& place) const noexcept {
          });
 }
 
-// All places are known.
+// Returns true if the lengths in the frame are right. Requires that all places are known.
 bool FrameLayout::has_lengths(std::span<const std::byte> frame, const Around& place) const noexcept {
   return std::ranges::all_of(whole_.lengths, [&](const Whole::Length& one) {
     const std::size_t bytes = *place(one.range.second) - *place(one.range.first);
@@ -117,7 +117,8 @@ bool FrameLayout::reseal_any(std::span<std::byte> frame) const noexcept {
   return true;
 }
 
-// The compiler has made sure that a length of the variable bytes precedes them, and that all places are known.
+// Requires a layout for which the compiler has checked that a length of the variable bytes precedes these, and that
+// all places are known.
 FrameLayout::Found FrameLayout::match_variable(std::span<const std::byte> held) const noexcept {
   const std::size_t first = *variable_;
   if (!has_constants(held.first(std::min(first, held.size())))) return {Match::no, 0};

@@ -125,7 +125,7 @@ std::optional<std::size_t> FrameSettings::find(std::string_view name, bool ignor
 std::optional<FrameValue> FrameSettings::find_value(std::size_t setting, std::string_view text,
                                                     bool ignores_case) const noexcept {
   const Setting& one = all_[setting];
-  // A number that is not one equals no value and is in no range.
+  // A text that is no number becomes NaN, which equals no value and is in no range.
   constexpr double none = std::numeric_limits<double>::quiet_NaN();
   const double given = one.is_number ? number_in<double>(text).value_or(none) : none;
   if (one.is_range) {

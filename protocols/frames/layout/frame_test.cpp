@@ -1,5 +1,5 @@
-// The comparison of a test frame with its values: the first element that differs is named. If a check alone differs,
-// the checks that would be right are named.
+// The comparison of a test frame with its values. The fault names the first element that differs. If only a check
+// differs, the fault names the checks that would be right.
 #include <algorithm>
 #include <utility>
 
@@ -36,7 +36,7 @@ void FrameLayout::Compiler::give(const FrameDescription::Value& value, FrameTest
   given.add(source, value.value);
 }
 
-// Copies the elements of that kind from one frame to another, as far as both reach.
+// Copies the elements of one kind from one frame to another, within the shorter of the two frames.
 void FrameLayout::Compiler::copy_elements(Kind kind, std::span<const std::byte> from, std::span<std::byte> to) const {
   const std::size_t end = std::min(from.size(), to.size());
   for (const Placed& placed : placed_) {
@@ -138,8 +138,8 @@ void FrameLayout::Compiler::test(const FrameDescription::Test& test) {
   std::vector<std::byte> got(out_.size());
   std::vector<double> carried(out_.carries_);
   const unsigned saturated = out_.write({given.sample}, given.state, &given, carried, got);
-  // A real unit's bytes that the layout leaves open may have any value; checks include them, and differ wherever
-  // anything else does, as lengths do in a frame of another size.
+  // Unused bytes of a real unit may have any value. A check includes these bytes. A check also differs if any other
+  // byte does, and a length differs if the size of the frame does.
   copy_elements(Kind::unused, *wanted, got);
   copy_elements(Kind::check, *wanted, got);
   if (wanted->size() != got.size()) {

@@ -50,7 +50,7 @@ std::size_t TextLayout::Compiler::place_of(const std::string& label) const {
   return static_cast<std::size_t>(found - out_.pieces_.begin());
 }
 
-// Finds the pieces of a check's ranges, and a label that is given twice.
+// Finds the pieces of a check's ranges. Refuses a label that is given twice.
 void TextLayout::Compiler::resolve(std::size_t index) {
   TextPiece& piece = out_.pieces_[index];
   if (piece.kind == Kind::label && place_of(piece.label) != index)
@@ -72,7 +72,7 @@ void TextLayout::Compiler::resolve(std::size_t index) {
   piece.extents.push_back({0, index, 1, 1});
 }
 
-// A decoder must find the begin of the line and the end of each number.
+// Refuses a text in which a decoder cannot find the begin of the line, or the end of a number.
 void TextLayout::Compiler::check_ends() const {
   if (std::ranges::none_of(out_.pieces_, [](const TextPiece& one) { return one.kind == Kind::literal; }))
     refuse_element("a decoder cannot find the line: give at least one constant character");
@@ -119,7 +119,7 @@ void TextLayout::Compiler::find_read_back() {
   out_.components_ = read.components;
 }
 
-// Lists the numbers by name. A choice, such as N/S, is the sign of the angle without sign that has the same quantity.
+// Lists the numbers by name. A choice such as N/S is the sign of the unsigned angle with the same quantity.
 void TextLayout::Compiler::name_fields() {
   const auto is_choice = [](const TextPiece& piece) { return piece.format.chosen("").has_value(); };
   const auto pair_of = [&](const TextPiece& piece, bool of_choice) -> std::optional<std::size_t> {

@@ -1,4 +1,4 @@
-// TextFormat: how a number is written as text in a message, and read back.
+// TextFormat: the format in which a message has a number as text, for writing and reading.
 //
 // | format                | text                                                                                |
 // |-----------------------|-------------------------------------------------------------------------------------|
@@ -30,10 +30,11 @@ class TextFormat {
   // Reads a format at the beginning of `text`, and removes its characters. Throws std::invalid_argument.
   static TextFormat take(std::string_view& text);
 
-  // The unit in which the number is given: the unit in its name, seconds of the day, or degrees.
+  // The unit of the number: the unit in its name, seconds of the day, or degrees.
   enum class Value : std::uint8_t { named, seconds, degrees };
   Value value() const noexcept;
-  // Returns the characters of every text, but of numbers that do not fit into their zeros; 0 if they vary.
+  // Returns the number of characters of all texts; 0 if it is not constant. Numbers with leading zeros count as
+  // constant, although a number that does not fit into its width is longer.
   std::size_t fixed_size() const noexcept;
   // Returns the step between adjacent numbers; 0 if the step is not constant.
   double step() const noexcept;
@@ -49,20 +50,20 @@ class TextFormat {
   // Returns the value for which a choice has the text; of equal texts, the lowest value. Returns 0 if the format
   // is no choice.
   std::uint64_t choice_value(std::string_view text) const noexcept;
-  // Returns true if the format holds an integer, whose modulus is a power of 16 if it has none of its own.
+  // Returns true for formats of integers. A hexadecimal integer without a modulus has period() as its modulus.
   bool is_integer() const noexcept { return kind_ == Kind::integer || kind_ == Kind::hexadecimal; }
   std::uint64_t period() const noexcept;  // 16^digits of hexadecimal digits; 0: 2^64
   // Returns true if a text may have the character.
   bool may_have(char c) const noexcept;
 
-  // Both write to `out`, which has longest() characters. Return the number of characters. `is_saturated` is set if
-  // the number is beyond what the format holds; a NaN is the lowest number.
+  // Writes a number to `out`, which must have longest() characters, and returns the number of characters. Sets
+  // `is_saturated` if the number is beyond the range of the format. A NaN is written as the lowest number.
   std::size_t write(double number, char* out, bool& is_saturated) const noexcept;
-  // As above, for a counter: an integer, whose low digits are written.
+  // Does the same for a counter, an integer whose low digits are written.
   std::size_t write(std::uint64_t number, char* out) const noexcept;
 
-  // Returns the number, of which is_integer() has the digits; nullopt if the text is of another format, or not a
-  // number.
+  // Return the number in a text; read_integer() only if is_integer(). Return nullopt if the text does not have the
+  // format, or no number.
   std::optional<double> read(std::string_view text) const noexcept;
   std::optional<std::uint64_t> read_integer(std::string_view text) const noexcept;
   // Returns the seconds of the day, or the degrees without sign; nullopt if the format is neither a time nor an
@@ -70,8 +71,9 @@ class TextFormat {
   std::optional<double> read_sexagesimal(std::string_view text) const noexcept;
   // Returns true if the text has the format.
   bool matches(std::string_view text) const noexcept;
-  // Returns the size of the choice's text with which `text` begins; nullopt if the format is no choice, or `text`
-  // begins with none of its texts. If `text` ends too early, its own size is returned.
+  // Returns the size of the choice's text with which `text` begins. If `text` is only the begin of such a text,
+  // returns the size of `text`. Returns nullopt if the format is no choice, or if `text` begins with none of its
+  // texts.
   std::optional<std::size_t> chosen(std::string_view text) const noexcept;
 
  private:

@@ -24,7 +24,7 @@ bool is_status_word(const TextPiece& piece) noexcept {
   return piece.source.kind == Source::quantity && piece.source.in.quantity->kind == MeasuredQuantity::Kind::status;
 }
 
-// Returns the counter or status of a field; nullopt if it is no integer.
+// Returns the counter or status of a field; nullopt if the field is no integer.
 std::optional<std::uint64_t> integer_of(const TextPiece& piece, const Reading& reading,
                                         const MessageLayout::State& state) noexcept {
   const FrameSource& source = piece.source;
@@ -206,7 +206,7 @@ MessageLayout::Decoded TextLayout::wrapping() const noexcept {
   return {of(clock_), of(counter_), of(alive_counter_), of(frame_counter_)};
 }
 
-// Returns false if the field is of a number that cannot be.
+// Reads a field. Returns false if its number is impossible.
 bool TextLayout::read_field(std::size_t index, std::string_view text, ReadBack& read,
                             Decoded& decoded) const noexcept {
   const TextPiece& piece = pieces_[index];

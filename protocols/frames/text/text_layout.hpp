@@ -31,8 +31,8 @@ class TextLayout final : public MessageLayout {
   std::int64_t time_lsb_ns() const noexcept override { return time_lsb_ns_; }
   Decoded wrapping() const noexcept override;
   std::optional<Decoded> decode(std::span<const std::byte> frame, ReadBack& read) const noexcept override;
-  // A choice of texts is 1 for the first and 0 for the second, or, beside an angle of the same name without sign, the
-  // angle's sign.
+  // The value of a choice of two texts is 1 for the first and 0 for the second text. If an angle without sign has the
+  // same name, the choice is the sign of this angle instead.
   void read_fields(std::span<const std::byte> frame, std::span<FieldValue> values) const noexcept override;
 
  private:
@@ -46,9 +46,9 @@ class TextLayout final : public MessageLayout {
                           const FrameTestValues* given, char* out, unsigned& saturated) const noexcept;
   std::size_t write_check(const TextPiece& piece, std::span<const std::byte> frame, const Places& places,
                           char* out) const noexcept;
-  // Returns the piece that follows, without labels; nullptr if there is none.
+  // Returns the next piece that is no label; nullptr if there is none.
   const TextPiece* next(std::size_t index) const noexcept;
-  // Returns true if a field ends where `next` begins, because no text of it has the first character of `next`.
+  // Returns true if a field always ends where `next` begins: no text of the field has the first character of `next`.
   static bool is_closed_by(const TextPiece& field, const TextPiece& next) noexcept {
     return next.kind == TextPiece::Kind::literal && !field.format.may_have(next.text.front());
   }
