@@ -19,7 +19,7 @@ struct Overloaded : Alternatives... {
 template <class... Alternatives>
 Overloaded(Alternatives...) -> Overloaded<Alternatives...>;
 
-// Converts `initial`; the setting keeps the type of the result.
+// Returns the initial value of a setting. Later values have the type of the result.
 SettingValue initial_value(const Setting& setting) {
   return std::visit(
       Overloaded{

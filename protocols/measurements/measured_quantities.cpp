@@ -20,7 +20,7 @@ template <Vector3 Reading::*Member, int Axis>
 double sum(const Reading& reading) noexcept {
   return (reading.*Member)[Axis];
 }
-// The mean over the interval; of the first message, whose interval is not known, the newest value.
+// Returns the mean over the interval. The interval of the first message is not known: returns its newest value.
 template <Vector3 Reading::*Member, Vector3 Sample::*Newest, int Axis>
 double mean(const Reading& reading) noexcept {
   return reading.interval_s > 0 ? (reading.*Member)[Axis] / reading.interval_s : (reading.sample.*Newest)[Axis];
@@ -36,7 +36,7 @@ template <int Index>  // 0 yaw, 1 pitch, 2 roll
 double euler(const Reading& reading) noexcept {
   return yaw_pitch_roll_from_dcm(reading.sample.q_LP.conjugate().toRotationMatrix())[Index];
 }
-// The component of a unit quaternion, 0 to 3 for w to z, of the sign that makes w positive.
+// Returns a component (0 to 3: w, x, y, z) of the unit quaternion q or -q, whichever has w >= 0.
 double component(const Quaternion& q, int index) noexcept {
   const double value = index == 0 ? q.w() : q.vec()[index - 1];
   return q.w() < 0 ? -value : value;
@@ -64,7 +64,7 @@ double rodrigues(const Reading& reading) noexcept {
 }
 
 // --- Navigation ---
-// Where it is from: the unit's own, which is the receiver's while a filter has no place, or the receiver's.
+// The source of the navigation: the unit's own (while a filter has no place, the receiver's), or the receiver's.
 using Source = const Navigation& (Sample::*)() const noexcept;
 constexpr Source own = &Sample::timed, received = &Sample::fix;
 template <Source From>
@@ -125,7 +125,8 @@ std::int64_t since(Utc at) noexcept {
 int year(Utc at) noexcept { return int{date(at).year()}; }
 unsigned month(Utc at) noexcept { return unsigned{date(at).month()}; }
 unsigned day(Utc at) noexcept { return unsigned{date(at).day()}; }
-// Rounded down to 0.1 ms, so that a field of that resolution never shows the next second.
+// Returns the fraction of a second, rounded down to 0.1 ms, so that a field with this resolution never shows the next
+// second.
 double subsecond(Utc at) noexcept {
   return 1e-4 * static_cast<double>(since<Nanoseconds, chrono::seconds>(at) / 100'000);
 }
@@ -179,9 +180,10 @@ double angle_deviation(const Reading& r) noexcept {
   if (!r.sample.solution) return 0;
   return roll_pitch_yaw_deviations(r.sample.q_LP, r.sample.solution->attitude.cast<double>())[Angle];
 }
-// While it aligns or has no place, a status has none to judge by.
+// Returns 0 while the unit aligns or has no place, because then there is no deviation that a status could judge.
 double heading_deviation(const Reading& r) noexcept { return navigates(r) != 0 ? angle_deviation<2>(r) : 0; }
-// While there is no place, its deviation is as if the unit were anywhere on the Earth, at any orbital speed.
+// Returns a deviation of the solution. While there is no place, the deviation is as if the unit were anywhere on the
+// Earth, at any speed up to orbital speed.
 template <Eigen::Vector3f Solution::*Member, int Axis>
 double deviation(const Reading& r) noexcept {
   if (!r.sample.solution) return 0;

@@ -42,7 +42,7 @@ class RowWriter {
   int digits_;
 };
 
-// Reads fields one after another. After a wrong field `good` stays false.
+// Reads fields one after another. After a wrong field `good` is false for the rest of the row.
 class RowReader {
  public:
   explicit RowReader(std::string_view row) : rest_(row) {}

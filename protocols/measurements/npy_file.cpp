@@ -13,7 +13,7 @@ namespace {
 
 constexpr std::string_view npy_magic = "\x93NUMPY";
 
-// Returns the begin of a text of the file, fit to be printed.
+// Returns the first characters of a text of the file, with ? in place of characters that cannot be printed.
 std::string printable(std::string_view text) {
   std::string result(text.substr(0, 40));
   std::ranges::replace_if(
@@ -76,7 +76,8 @@ std::string npy_header(std::span<const MeasurementColumn> columns, std::span<con
   text += "], 'fortran_order': False, 'shape': (";
   std::string numbers;
   for (const std::uint64_t size : shape) numbers += std::to_string(size) + ", ";
-  // Behind npy_magic, version and length, padded with blanks to a multiple of 64, with room for the longest shape.
+  // The header, with npy_magic, version and length, is padded with blanks to a multiple of 64. Its size has room for
+  // the longest shape.
   constexpr std::string_view end = "), }";
   constexpr std::size_t before = 10, alignment = 64, longest_shape = 2 * 22;
   const std::size_t longest = before + text.size() + longest_shape + end.size() + 1;

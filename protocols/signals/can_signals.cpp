@@ -16,7 +16,7 @@ namespace {
   throw std::invalid_argument(std::string(signal.name) + ": " + fault);
 }
 
-// Calls act(byte, lowest bit in that byte, number of bits, lowest bit of the number) for each byte of a field.
+// Calls act(byte, lowest bit in this byte, number of bits, lowest bit in the number) for each byte of a field.
 template <class Act>
 void each_byte(unsigned start, unsigned length, bool motorola, Act act) noexcept {
   if (motorola) {
@@ -124,8 +124,8 @@ CanSignalCodec::Field CanSignalCodec::compiled(const CanSignal& signal) const {
   if (signal.scale == 0 || !std::isfinite(signal.scale) || !std::isfinite(signal.offset))
     refuse(signal, "the scale must be finite and not 0, the offset finite");
   field.lsb = in.factor * signal.scale;
-  // SI = factor * (scale * number + offset) + the unit's offset. A zero that is an integer but for the rounding of
-  // its decimal factors is that integer, so that values of both signs are rounded alike.
+  // SI = factor * (scale * number + offset) + the unit's offset. If the zero differs from an integer only by the
+  // rounding of its decimal factors, it is set to this integer, so that values of both signs are rounded alike.
   const double zero = -(signal.offset + in.offset / in.factor) / signal.scale;
   if (!std::isfinite(field.lsb) || field.lsb == 0 || !std::isfinite(zero) || std::abs(zero) > 0x1p62)
     refuse(signal, "scale or offset is out of range");
@@ -220,12 +220,12 @@ CanSignalCodec::CanSignalCodec(std::size_t size, std::span<const CanSignal> sign
     if (pages_.selects(field.signal)) field.source = Source::multiplexor;
   check_overlaps(signals);
   check_checksum(signals);
-  // Constants, which may be another view of the same bits, are written first.
+  // Constants are written first, because another signal may have the same bits.
   std::stable_partition(fields_.begin(), fields_.end(),
                         [](const Field& field) { return field.source == Source::constant; });
 }
 
-// A magnitude and a sign of one quantity in one message are read back together.
+// Joins the magnitude and the sign of a quantity in one message, which are read back together.
 void CanSignalCodec::join_signs() {
   using enum SignalSource::Form;
   for (Field& field : fields_) {

@@ -25,11 +25,11 @@ constexpr double max_cycle_ms = 1e8;
 struct Token {
   std::string_view text = {};  // empty: the end of the file
   std::size_t line = 1;
-  bool is_string = false;  // its text is without the quotes
+  bool is_string = false;  // `text` is without the quotes
   bool begins_line = false;
 };
 
-// Splits the text into words, texts in quotes, and the characters : | @ ( ) [ ] , ; by themselves.
+// Splits the text into tokens: words, texts in quotes, and each of the characters : | @ ( ) [ ] , ;
 class DbcTokens {
  public:
   explicit DbcTokens(std::string_view text) : rest_(text) { advance(); }
@@ -40,7 +40,7 @@ class DbcTokens {
     advance();
     return taken;
   }
-  // Takes the next token if it is this one.
+  // Takes the next token if it has this text, and returns true.
   bool skip(std::string_view text) {
     if (token_.is_string || token_.text != text) return false;
     advance();
@@ -56,7 +56,7 @@ class DbcTokens {
       refuse(token.line, std::string(statement) + ": expected a name");
     return std::string(token.text);
   }
-  // A quoted number is accepted, too, as some files have them as values of attributes.
+  // Takes a number. A number in quotes is accepted as well, because some files have such values of attributes.
   double real(const char* statement) { return number<double>(statement); }
   template <class Number>
   Number number(const char* statement) {
@@ -127,7 +127,7 @@ class DbcParser {
       if (!token.begins_line || token.is_string) continue;
       if (token.text == "BO_") message(token.line);
       if (token.text == "SG_") signal(token.line);
-      // A keyword without the following is one of the list NS_.
+      // A keyword that no such token follows is an entry of the list NS_.
       const Token& following = tokens_.peek();
       if (token.text == "BA_" && following.is_string) attribute();
       if (token.text == "BA_DEF_DEF_" && following.is_string) attribute_default();
@@ -170,7 +170,7 @@ class DbcParser {
       }
       if (multiplexing == "M") {
         signal.is_multiplexor = true;
-      } else if (multiplexing != "m") {  // a lone m is in files of others: no page, and no multiplexor
+      } else if (multiplexing != "m") {  // some files have an m alone, which is neither a page nor a multiplexor
         const auto page = number_in<std::uint32_t>(std::string_view(multiplexing).substr(1));
         if (!multiplexing.starts_with('m') || !page)
           refuse(line, "SG_: expected \":\", \"M\" or \"m\" with a number, but found \"" + multiplexing + "\"");
@@ -207,7 +207,7 @@ class DbcParser {
     signals.push_back(std::move(signal));
   }
 
-  // The message or signal that an attribute or value type names; nullptr if there is none.
+  // Return the message or the signal that an attribute or a value type names; nullptr if there is none.
   DbcMessage* message_of(const char* statement) {
     const auto found = by_id_.find(tokens_.number<std::uint32_t>(statement));
     return found == by_id_.end() ? nullptr : &messages_[found->second];
@@ -268,7 +268,7 @@ class DbcParser {
       signal->encoding.format = type == 1 ? SignalFormat::float32 : SignalFormat::float64;
   }
 
-  // Extended multiplexing: the multiplexor of a signal, and ranges of its values, "0-3, 5-5".
+  // Reads a statement of extended multiplexing: the multiplexor of a signal, and ranges of its values, "0-3, 5-5".
   void pages() {
     const std::size_t line = tokens_.peek().line;
     DbcSignal* const signal = signal_of("SG_MUL_VAL_");
@@ -288,7 +288,7 @@ class DbcParser {
     signal->pages = std::move(pages);
   }
 
-  // Without extended multiplexing, the multiplexor is the only one of the message.
+  // Sets the multiplexor of the signals in messages with a single multiplexor (without extended multiplexing).
   void find_multiplexors() {
     for (DbcMessage& message : messages_) {
       const auto is_multiplexor = [](const DbcSignal& one) { return one.is_multiplexor; };
@@ -299,7 +299,8 @@ class DbcParser {
     }
   }
 
-  // The rest of the file has the short names.
+  // Replaces the short names by the long ones. Call this last, because the statements of the file have the short
+  // names.
   void use_long_names() {
     for (DbcMessage& message : messages_) {
       if (!message.short_name.empty()) std::swap(message.name, message.short_name);
@@ -319,7 +320,7 @@ class DbcParser {
     return nanoseconds(1e-3 * ms);
   }
 
-  // The raw number of an initial value; a negative one in two's complement.
+  // Returns the raw number of an initial value, in two's complement if it is negative.
   static std::uint64_t raw(double number) noexcept {
     const double limited = std::clamp(std::round(number), -0x1p63, 0x1.fffffffffffffp63);
     return limited < 0 ? static_cast<std::uint64_t>(static_cast<std::int64_t>(limited))
@@ -338,8 +339,8 @@ class DbcParser {
   DbcTokens tokens_;
   std::vector<DbcMessage> messages_;
   std::map<std::uint32_t, std::size_t> by_id_;  // with extended_bit
-  std::vector<bool> has_cycle_;                 // as messages_
-  std::vector<std::size_t> initialised_;        // the lines of the signals that have an initial value of their own
+  std::vector<bool> has_cycle_;                 // index: as messages_
+  std::vector<std::size_t> initialised_;        // the lines of the signals with their own initial value
   Nanoseconds default_cycle_ = {};
   std::uint64_t default_initial_ = 0;
 };

@@ -8,7 +8,7 @@
 namespace imud {
 namespace {
 
-// Sample times are rounded to ns, so that a sample at the begin of a period may seem to precede it.
+// Sample times are rounded to ns. Therefore a sample at the begin of a period may have a time before the begin.
 constexpr Nanoseconds tolerance{1000};
 
 }  // namespace
@@ -40,7 +40,7 @@ bool SignalDevice::is_due(Scheduled& one, DeviceTime now, std::uint64_t steps) c
   }
   const std::int64_t period = (now - *start_ + tolerance) / one.message.period;
   if (period <= one.period) return false;
-  // Samples that were skipped leave a gap in the counter, as if their messages were lost.
+  // If samples were skipped, the counter has a gap, as if their messages were lost.
   one.count += steps > 1 ? static_cast<std::uint64_t>(period - one.period) : 1;
   one.period = period;
   return true;
@@ -144,7 +144,8 @@ bool SignalDecoder::agrees(const CanSignalCodec::LowBits& counter) const noexcep
   return bits == 0 || ((counter.value ^ counter_.value) << (64 - bits)) == 0;
 }
 
-// Takes the time with these low bits that is nearest to the previous one; the first as it is.
+// Unwraps the time: takes the time with these low bits that is nearest to the previous time. The first time is taken
+// unchanged.
 void SignalDecoder::unwrap(const CanSignalCodec::Decoded& decoded) noexcept {
   const unsigned unused = 64 - decoded.time.bits;
   if (!ticks_) ticks_ = decoded.time.value;

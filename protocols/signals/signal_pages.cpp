@@ -25,7 +25,7 @@ bool intersect(std::span<const PageRange> some, std::span<const PageRange> other
   });
 }
 
-// Sorts the ranges, and joins overlapping ones.
+// Sorts the ranges, and joins overlapping ranges.
 void join(std::vector<PageRange>& ranges) {
   std::ranges::sort(ranges, {}, &PageRange::first);
   std::vector<PageRange> joined;
@@ -71,7 +71,7 @@ SignalPages::SignalPages(std::span<const CanSignal> signals, const std::vector<b
   }
 }
 
-// Adds to the sent pages a signal's pages, and the pages of the multiplexors on which they depend.
+// Adds the pages of a signal to the sent pages, with the pages of the multiplexors on which the signal depends.
 void SignalPages::add_sent(std::span<const CanSignal> signals, std::size_t signal) {
   for (std::size_t at = signal; !entries_[at].pages.empty(); at = *entries_[at].multiplexor) {
     const Entry& entry = entries_[at];

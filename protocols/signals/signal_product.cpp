@@ -23,7 +23,7 @@ const SignalProductMessage& named(const SignalProduct& product, const char* key,
   refuse(key, "unknown message \"" + std::string(name) + "\"; the messages are " + names);
 }
 
-// Returns the identifiers of the product's messages, in their order.
+// Returns the identifiers of the product's messages in the order of the table.
 std::vector<std::uint32_t> identifiers_of(const SignalProduct& product, const Settings& settings, bool extended) {
   const auto offset = static_cast<std::uint64_t>(settings.integer("id_offset"));
   std::vector<std::uint64_t> ids;
@@ -48,7 +48,7 @@ std::vector<std::uint32_t> identifiers_of(const SignalProduct& product, const Se
   return result;
 }
 
-// The messages that are sent, and how many samples there are for one of each.
+// A message that is sent, with every `divider`-th sample.
 struct Chosen {
   const SignalProductMessage* message;
   std::int64_t divider;

@@ -25,11 +25,11 @@ std::to_chars_result write_fixed(char* at, char* end, double number, int decimal
   const auto exponent = static_cast<int>(bits >> 52 & 0x7FFU);
   const std::uint64_t significand = (bits & (hidden_bit - 1)) | (exponent != 0 ? hidden_bit : 0);
   const int places = 1075 - std::max(exponent, 1);  // at least 23, because |number| is below 2^30
-  // Counted in the last decimal, the number is an integer and a rest, both exact.
+  // In units of the last decimal, the number is the sum of an integer and a rest, both exact.
   __extension__ using Wide = unsigned __int128;  // the product is below 2^83
   const Wide product = Wide{significand} * decimal_steps[static_cast<std::size_t>(decimals)];
   std::uint64_t whole = 0;
-  if (places < 100) {  // otherwise it is nearly 0
+  if (places < 100) {  // otherwise the number is nearly 0
     whole = static_cast<std::uint64_t>(product >> places);
     const Wide rest = product - (Wide{whole} << places), half = Wide{1} << (places - 1);
     whole += rest > half || (rest == half && whole % 2 == 1) ? 1 : 0;  // a half goes to the even neighbour

@@ -42,7 +42,7 @@ const Profile& properties_of(ChecksumProfile profile) noexcept { return profiles
 
 unsigned halves(unsigned byte) noexcept { return (byte & 0xFU) + (byte >> 4 & 0xFU); }
 
-// The sum of `each` of the bytes of the message and of the identifier.
+// Returns the sum of each(byte) over the bytes of the identifier.
 template <class Each>
 unsigned sum_of_bytes(std::uint32_t id, Each each) noexcept {
   return each(id & 0xFFU) + each(id >> 8 & 0xFFU) + each(id >> 16 & 0xFFU) + each(id >> 24);
@@ -75,7 +75,7 @@ std::uint16_t MessageChecksum::of(std::span<const std::byte> message, std::size_
                                   unsigned counter) const noexcept {
   const auto low = static_cast<std::uint8_t>(data_id), high = static_cast<std::uint8_t>(data_id >> 8);
   using Bytes = std::initializer_list<std::uint8_t>;
-  // The CRC of `first`, of all bytes of the message but its own, and of `last`.
+  // Returns the CRC of `first`, all bytes of the message except the checksum itself, and `last`.
   const auto crc_of = [&](auto crc, Bytes first, Bytes last) {
     for (const std::uint8_t byte : first) crc.process_byte(byte);
     crc.process_bytes(message.data(), at);

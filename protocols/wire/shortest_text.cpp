@@ -24,8 +24,8 @@ constexpr auto powers_of_ten = [] {
   return powers;
 }();
 
-// Writes the eight digits of `number`, which is below 10^8. Each step halves the groups of digits in all parts of the
-// word at once: x / 100 = x * 5243 >> 19 for x below 10^4, and x / 10 = x * 103 >> 10 for x below 100.
+// Writes the eight digits of `number`, which must be below 10^8. Each step divides all groups of digits in the word
+// into halves at once: x / 100 = x * 5243 >> 19 for x below 10^4, and x / 10 = x * 103 >> 10 for x below 100.
 void write_eight(char* at, std::uint64_t number) noexcept {
   const std::uint64_t fours = number / 10'000 + (number % 10'000 << 32U);
   const std::uint64_t hundreds = fours * 5243 >> 19U & 0x0000'007F'0000'007F;
@@ -62,9 +62,9 @@ Decimal rounded_exactly(double magnitude, int digits) noexcept {
   return decimal;
 }
 
-// Rounds the shortest digits of `magnitude`, `count` of them. The exact value rounds to the same digits unless the
-// shortest are halfway between two: any other number halfway has fewer digits, so that it would be the shortest one
-// if it was between the two values.
+// Rounds the shortest digits of `magnitude`, of which there are `count`. The exact value rounds to the same digits,
+// unless the shortest digits are halfway between two results. If another halfway number lay between the shortest
+// digits and the exact value, that number would have fewer digits, and would itself be the shortest.
 Decimal rounded(double magnitude, Decimal shortest, int count, int digits) noexcept {
   const std::uint64_t unit = powers_of_ten[static_cast<std::size_t>(count - digits)];
   const std::uint64_t rest = shortest.significand % unit;
@@ -74,7 +74,7 @@ Decimal rounded(double magnitude, Decimal shortest, int count, int digits) noexc
   return decimal;
 }
 
-// Compiled for each kind apart, so that numbers with all their digits take no instructions for fewer.
+// Compiled separately for both values of `is_limited`, so that numbers with all digits spend no time on the limit.
 template <bool is_limited>
 [[gnu::always_inline]] inline char* write(char* at, double number, [[maybe_unused]] int digits) noexcept {
   // An integer above this may have other digits than zeros behind its shortest ones.
