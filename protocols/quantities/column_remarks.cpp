@@ -9,7 +9,7 @@
 namespace imud {
 namespace {
 
-// Letters of either case, and blanks and underscores, count as the same.
+// Returns a character for comparisons: letters in lower case, and an underscore for a blank.
 char folded(char c) noexcept {
   return c == ' ' ? '_' : static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
 }
@@ -37,8 +37,8 @@ bool is_near(std::string_view given, std::string_view wanted) noexcept {
   return distance(given.substr(0, wanted.size()), wanted) == 0 || distance(given, wanted) <= tolerated;
 }
 
-// Writes the unit of a quantity's name, "ft/s^2" of "specific_force_x_ft_per_s2", after a blank; nothing if it has
-// none.
+// Writes a blank and the unit in a quantity's name, "ft/s^2" for "specific_force_x_ft_per_s2". Writes nothing if the
+// name has no unit.
 void write_unit(RemarkWriter& out, std::string_view name, std::size_t quantity) noexcept {
   constexpr std::string_view per = "_per_";
   name.remove_prefix(quantity_name(quantity).size());
@@ -82,7 +82,7 @@ std::size_t ColumnTruthDecoder::describe(TruthResult result, std::span<char> roo
   return out.size();
 }
 
-// Names the columns that nothing reads.
+// Names the columns that are not read.
 void ColumnTruthDecoder::describe_header(RemarkWriter& out) const noexcept {
   constexpr std::size_t most = 16;  // columns that are named
   std::size_t unused = 0;
@@ -115,7 +115,8 @@ void ColumnTruthDecoder::describe_header(RemarkWriter& out) const noexcept {
   if (unused > most) out << " and " << unused - most << " more";
 }
 
-// The last row is a header row without enough columns, or came before any header row.
+// Describes the missing columns. The last row is a header row without enough columns, or no header row came before
+// it.
 void ColumnTruthDecoder::describe_missing(RemarkWriter& out) const noexcept {
   const char delimiter = delimiter_of(row_);
   const bool is_state = kind_ == Kind::state && parse_real(unquoted(row_.substr(0, row_.find(delimiter))));

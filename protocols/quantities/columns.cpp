@@ -21,7 +21,7 @@ std::optional<Number> parse(std::string_view field) noexcept {
   return number_in<Number>(field);
 }
 
-// Returns whether the text of a quantity is one number.
+// Returns whether the text of a quantity is a plain number.
 bool is_plain(QuantityKind kind) noexcept { return kind != QuantityKind::time && kind != QuantityKind::text; }
 
 }  // namespace
@@ -50,7 +50,7 @@ std::string_view take_field(std::string_view& row, char delimiter) noexcept {
   std::size_t end = row.find(delimiter);
   const std::size_t first = row.find_first_not_of(" \t");
   if (end != row.npos && first < end && row[first] == '"') {
-    // A doubled quote is a part of the text. The closing quote is one that a delimiter or the row's end follows.
+    // A doubled quote is a part of the text. The closing quote is followed by a delimiter or the end of the row.
     constexpr std::size_t most = 1000;  // characters in quotes, so that many quotes in a long row cost little
     const std::string_view near = row.substr(0, first + most);
     for (std::size_t quote = near.find('"', first + 1); quote != row.npos; quote = near.find('"', quote + 1)) {
@@ -157,8 +157,8 @@ ColumnTruthDecoder::ColumnTruthDecoder(const ColumnNames& wanted, Columns::Same 
     fields_[i] = find_truth_field(wanted.quantities[i]).value();
 }
 
-// Chooses the columns to read: all complete groups, but only the first of alternatives. Returns false
-// if too few are complete.
+// Chooses the columns to read: all complete groups, but of alternative groups only the first. Returns false if too
+// few groups are complete.
 bool ColumnTruthDecoder::choose() noexcept {
   used_ = 0;
   QuantitySet given;
@@ -184,8 +184,8 @@ bool ColumnTruthDecoder::choose() noexcept {
   return has_one == needs_one && assembly_.choose(given, axes_, fault);
 }
 
-// Reads a row whose numbers have neither blanks nor quotes, as most are: where a number ends, its field must end. Any
-// other row, wrong ones among them, has to be split. Returns false for these.
+// Reads a row whose numbers have neither blanks nor quotes, as in most rows: each field must end where its number
+// ends. Returns false for any other row, which has to be split, and may be wrong.
 bool ColumnTruthDecoder::read_plain(std::string_view row) noexcept {
   for (std::size_t column = 0; column < columns_.count(); ++column) {
     const std::size_t wanted = columns_.wanted_at(column);

@@ -70,7 +70,7 @@ bool JsonFields::take(char c) noexcept {
   return true;
 }
 
-// Reads the value at node `node`; no_node: nothing of it is wanted.
+// Reads the value for `node`; no_node: skips a value of which nothing is wanted.
 bool JsonFields::read_value(std::size_t node, std::size_t depth) noexcept {
   if (at_ == text_.size()) return false;
   const MappedQuantity* const mapped = node == no_node ? nullptr : nodes_[node].mapped;

@@ -39,8 +39,8 @@ TruthResult JsonTruthDecoder::decode(std::string_view line, Truth& truth) noexce
   return decode(line, truth, end);
 }
 
-// Decodes the record at the begin of `text`, and sets its size. What is no object, and an object that is followed by
-// something else on its last line, ends with the first line.
+// Decodes the record at the begin of `text`, and sets `size` to the size of the record. If the text does not begin
+// with an object, or if more text follows the object on its last line, the record is the first line.
 TruthResult JsonTruthDecoder::decode(std::string_view text, Truth& truth, std::size_t& size) noexcept {
   record_ = first_line(text);
   size = record_.size();

@@ -21,7 +21,7 @@ std::optional<TruthResult> LineTruthDecoder::next(Truth& truth) noexcept {
 
 void LineTruthDecoder::end_of_file() noexcept { is_last_ = lines_.size() > 0 && lines_.size() <= max_line; }
 
-// A line that is not whole is cut short.
+// Decodes the last line, which has no line end. If it is not a whole row, it counts as cut short.
 std::optional<TruthResult> LineTruthDecoder::decode_last(Truth& truth) noexcept {
   const auto line = lines_.finish_line();
   const TruthResult result = decode(line.text, truth);

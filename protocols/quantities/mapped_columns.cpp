@@ -13,7 +13,7 @@ char delimiter_in(std::string_view row) noexcept {
   return row.find_first_of(",;\t") == row.npos && row.find(' ') != row.npos ? ' ' : delimiter_of(row);
 }
 
-// As take_field(); a blank as delimiter stands for any number of them.
+// Takes a field as take_field() does. If the delimiter is a blank, any number of blanks separates fields.
 std::string_view take(std::string_view& row, char delimiter) noexcept {
   if (delimiter != ' ') return take_field(row, delimiter);
   const std::size_t end = row.find(' ');
@@ -24,7 +24,7 @@ std::string_view take(std::string_view& row, char delimiter) noexcept {
 
 bool is_number(std::string_view field) noexcept { return parse_real(unquoted(field)).has_value(); }
 
-// Returns the number of a column, or nullopt if `text` is none.
+// Returns the number of a column; nullopt if `text` is no number of a column.
 std::optional<std::size_t> column_number(std::string_view text) noexcept {
   const auto number = parse_integer(text);
   if (!number || *number < 0 || !std::ranges::all_of(text, [](char c) { return c >= '0' && c <= '9'; })) return {};
@@ -61,7 +61,7 @@ std::optional<TruthField> MappedColumns::find(std::string_view name) const noexc
   return std::nullopt;
 }
 
-// `least`: the names that a header row has at least.
+// Returns whether the row is a header row. `least`: how many known names a header row must have.
 bool MappedColumns::is_header(std::string_view row, std::size_t least) const noexcept {
   const char delimiter = delimiter_in(row);
   std::string_view rest = row;
@@ -72,7 +72,7 @@ bool MappedColumns::is_header(std::string_view row, std::size_t least) const noe
       if (is_number(take(rest, delimiter))) return false;
     return count >= count_;
   }
-  // Each truth has a time: that spares most rows of text the search.
+  // Each truth has a time. Most other rows of text do not name one, and need no search.
   if (map_.empty() && row.find("time") == row.npos && row.find("utc") == row.npos) return false;
   std::size_t found = 0;
   for (rest = row; rest.data() != nullptr && count < max_columns && found < least; ++count)

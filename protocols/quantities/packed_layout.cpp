@@ -112,7 +112,7 @@ TruthResult PackedLayout::read(std::span<const std::byte> record, TruthReading& 
   refused_ = nullptr;
   for (const Field& field : fields_) {
     const Raw raw = this->raw(field, record);
-    // An integer time is exact, which a double of it is not.
+    // An integer time is exact; as a double it would be rounded.
     const bool is_exact = field.quantity.kind == QuantityKind::time && field.scale == 1 && field.type != Type::f32 &&
                           field.type != Type::f64;
     const bool fits = field.type != Type::u64 || raw.bits <= std::numeric_limits<std::int64_t>::max();

@@ -42,7 +42,7 @@ Vector3 TruthAssembly::vector(const TruthReading& in, TruthGroup group) const no
   return {number(in, group, 0), number(in, group, 1), number(in, group, 2)};
 }
 
-// Returns a vector that is given in body axes, in B.
+// Returns in B a vector that is given in the body axes of the input.
 Vector3 TruthAssembly::body(const Vector3& given) const noexcept {
   return axes_.is_flu ? Vector3(given.x(), -given.y(), -given.z()) : given;
 }
@@ -78,7 +78,7 @@ bool TruthAssembly::convert_time(const TruthReading& in, Truth& truth) noexcept 
     if (__builtin_sub_overflow(ns, *origin_ns_, &ns)) return false;
   }
   truth.time.ns = ns;
-  // A counter since a simulator's start is no date, whatever its name.
+  // A time that counts from a simulator's start is no date, even if its quantity has the name of a date.
   constexpr std::int64_t year_2001_s = 978'307'200;
   const bool is_utc = time_ == unix_time || time_ == utc;
   truth.has_date = is_utc ? since_epoch / 1'000'000'000 > year_2001_s : time_ == gps_time_of_week;
@@ -86,7 +86,7 @@ bool TruthAssembly::convert_time(const TruthReading& in, Truth& truth) noexcept 
   return true;
 }
 
-// Sets the Earth's angle and the place, where they are known. Returns false if the place is deep in the Earth.
+// Sets the Earth's angle and the place, if they are known. Returns false if the place is deep in the Earth.
 bool TruthAssembly::convert_place(const TruthReading& in, Truth& truth) noexcept {
   using enum TruthGroup;
   constexpr double least_radius = 6'250'000;  // m
@@ -121,7 +121,7 @@ Matrix3 TruthAssembly::matrix(const TruthReading& in, TruthGroup group) const no
   return m;
 }
 
-// Returns false if a quaternion or a matrix is none of a rotation.
+// Returns false if a quaternion or a matrix does not represent a rotation.
 bool TruthAssembly::is_rotation(const TruthReading& in, TruthGroup group) const noexcept {
   constexpr double largest_defect = 0.02;  // of a quaternion's squared length, or a matrix; texts have few digits
   const std::size_t size = quantity_group(group).names.size();
@@ -133,7 +133,7 @@ bool TruthAssembly::is_rotation(const TruthReading& in, TruthGroup group) const 
   return std::abs(length - 1.0) <= largest_defect;
 }
 
-// Returns q_XB of a group whose attitude is relative to X: N, E, or north-east-down.
+// Returns q_XB for a group whose attitude is relative to a frame X: N, E, or north-east-down.
 Quaternion TruthAssembly::attitude(const TruthReading& in, TruthGroup group) const noexcept {
   using enum TruthGroup;
   Quaternion q;
@@ -195,7 +195,7 @@ void TruthAssembly::convert_rate(const TruthReading& in, Truth& truth) noexcept 
   if (is_inertial_ && rate_ != rate_N) truth.omega_BN_B += truth.q_NB.conjugate() * earth_rate;
 }
 
-// The attitude over a step by the mean rate and the coning between the rates at its ends.
+// Integrates the attitude over a step, with the mean of the rates at both ends of the step, and their coning.
 void TruthAssembly::integrate_attitude(Truth& truth) noexcept {
   constexpr double longest_s = 1.0;
   const double dt = before_ ? seconds(truth.time - before_->time) : 0.0;
@@ -208,8 +208,8 @@ void TruthAssembly::integrate_attitude(Truth& truth) noexcept {
   if (!before_ || dt > 0) before_ = truth;
 }
 
-// Returns whether N is inertial by the position alone: one relative to the Earth's centre, in axes of which only z is
-// known.
+// Returns whether the position alone shows that N is inertial: the position is relative to the Earth's centre, and of
+// the axes only z is known.
 bool TruthAssembly::is_about_earth(const Truth& truth) const noexcept {
   return !is_inertial_ && !axes_.is_enu && position_ == TruthGroup::r_BN_N && is_near_earth(truth.r_BN_N);
 }

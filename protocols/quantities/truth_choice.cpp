@@ -1,4 +1,4 @@
-// The configuration of a TruthAssembly: which quantities it uses.
+// The configuration of a TruthAssembly: the choice of the quantities that are used.
 #include <array>
 #include <initializer_list>
 #include <stdexcept>
@@ -38,7 +38,7 @@ TruthAssembly::TruthAssembly(const QuantitySet& given, const Axes& axes) {
   if (!choose(given, axes, fault)) throw std::invalid_argument(std::string(room.data(), fault.size()));
 }
 
-// Sets which groups are given. Returns false if one is given in part.
+// Finds the groups that are given. Returns false if a group is incomplete.
 bool TruthAssembly::check_groups(RemarkWriter& fault) noexcept {
   for (std::size_t i = 0; i < truth_group_count; ++i) {
     const QuantityGroup& group = quantity_groups()[i];
@@ -55,7 +55,7 @@ bool TruthAssembly::check_groups(RemarkWriter& fault) noexcept {
   return true;
 }
 
-// Returns which of the groups is given; more than one is a fault.
+// Returns the group among `groups` that is given; nullopt if none is. Writes a fault if several are given.
 std::optional<TruthGroup> TruthAssembly::only(std::initializer_list<TruthGroup> groups, std::string_view what,
                                               RemarkWriter& fault) const noexcept {
   std::optional<TruthGroup> one;
@@ -119,7 +119,8 @@ bool TruthAssembly::choose_groups(RemarkWriter& fault) noexcept {
   return fault.size() == 0;
 }
 
-// A pose relative to N alone may be one in an inertial frame or in a hall. East-north-up is a local level.
+// Returns the frame of the truth. A pose relative to N alone may be in an inertial frame or in a hall. Axes
+// east-north-up mean a locally level frame.
 TruthFrame TruthAssembly::frame() const noexcept {
   using enum TruthGroup;
   using Kind = TruthFrame::Kind;

@@ -154,15 +154,15 @@ constexpr std::span<const KeyUnit> units_of(Kind kind) noexcept {
 constexpr std::int64_t powers_of_ten[] = {1,       10,        100,        1'000,       10'000,
                                           100'000, 1'000'000, 10'000'000, 100'000'000, 1'000'000'000};
 
-// Returns 10^exponent * `number`; nullopt if it is beyond the range of a time.
+// Returns 10^exponent * `number`; nullopt if the result is beyond the range of a time.
 std::optional<std::int64_t> scaled(std::int64_t number, int exponent) noexcept {
   std::int64_t result = 0;
   if (__builtin_mul_overflow(number, powers_of_ten[exponent], &result)) return std::nullopt;
   return result;
 }
 
-// Reads the whole of `text` as a decimal number of seconds, milliseconds, ..., rounded to ns. nullopt if it is none,
-// or has an exponent.
+// Reads the whole of `text` as a decimal number, and returns it in ns, rounded. `exponent`: 9 for seconds, 6 for
+// milliseconds, and so on. Returns nullopt if the text is no number, or has an exponent.
 std::optional<std::int64_t> decimal_ns(std::string_view text, int exponent) noexcept {
   const bool negative = text.starts_with('-');
   if (negative || text.starts_with('+')) text.remove_prefix(1);
@@ -184,7 +184,8 @@ std::optional<std::int64_t> decimal_ns(std::string_view text, int exponent) noex
   return negative ? -sum : sum;
 }
 
-// Removes a number of `digits` digits, and `after` it, from the begin of `text`.
+// Removes a number of `digits` digits, followed by `after`, from the begin of `text`. Returns the number; nullopt if
+// the text does not begin so.
 std::optional<int> take_number(std::string_view& text, std::size_t digits, std::string_view after) noexcept {
   int number = 0;
   if (text.size() < digits || text.substr(0, digits).find_first_not_of("0123456789") != text.npos) return {};
@@ -196,7 +197,7 @@ std::optional<int> take_number(std::string_view& text, std::size_t digits, std::
   return number;
 }
 
-// Reads a date and time, as ns since 1970-01-01.
+// Reads a date and a time. Returns ns since 1970-01-01; nullopt if the text is no date.
 std::optional<std::int64_t> date_ns(std::string_view text) noexcept {
   using namespace std::chrono;
   const auto year_number = take_number(text, 4, "-");

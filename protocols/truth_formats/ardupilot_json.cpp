@@ -1,7 +1,7 @@
-// The JSON interface of ArduPilot's simulator in the loop (SITL): imud takes the flight stack's side of it. It sends
-// servo packets to the simulator, UDP port 9002 by default, and the simulator answers each with a JSON object, so
-// that both run in lockstep: the next packet is sent once the samples up to the last truth have been sent. A packet
-// that is not answered is sent again. Give the simulator's address: truth.port = "udp:0.0.0.0:0?peer=127.0.0.1:9002".
+// The JSON interface of ArduPilot's simulator in the loop (SITL), on the flight stack's side. imud sends servo
+// packets to the simulator, UDP port 9002 by default, and the simulator answers each packet with a JSON object. Both
+// run in lockstep: the next packet is sent when the samples up to the last truth have been sent. A packet without an
+// answer is sent again. Give the simulator's address: truth.port = "udp:0.0.0.0:0?peer=127.0.0.1:9002".
 //
 // The servo packet, little-endian: u16 magic, 18458 with 16 channels or 29569 with 32; u16 frame rate (Hz), the step
 // that the simulator should take; u32 frame count, 0 at the start, which resets the simulator; u16 pulse width of
@@ -22,7 +22,7 @@ constexpr std::uint16_t magic_of_16 = 18458, magic_of_32 = 29569;
 constexpr std::uint16_t idle_us = 1000;
 constexpr Nanoseconds resend_after{1'000'000'000};  // as ArduPilot does
 
-// The path of several quantities is an array.
+// The paths of quantities in the object. The path of several quantities is an array.
 constexpr std::pair<std::string_view, std::string_view> paths[] = {
     {"time_s", "timestamp"},
     {"{p,q,r}_rad_per_s", "imu.gyro"},
@@ -113,7 +113,7 @@ class ArdupilotJsonDecoder final : public JsonTruthDecoder {
     return (given & quaternion_).any() ? given & ~euler_ : given;
   }
 
-  // Returns the host's time at which a truth of that time is due.
+  // Returns the host's time at which a truth with this time is due.
   HostTime paced(TruthTime time) noexcept {
     constexpr Nanoseconds most_behind{100'000'000};
     constexpr double longest_wait_s = 10;  // a later truth is a jump of the simulator's time

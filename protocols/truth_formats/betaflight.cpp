@@ -1,5 +1,5 @@
 // The state that Betaflight's simulator target receives on UDP port 9003: `fdm_packet`, 18 little-endian doubles, 144
-// bytes. Versions up to 4.4 have no pressure, the last one.
+// bytes. Versions up to 4.4 do not have the last double, the pressure.
 //
 // | double  | field (src/platform/SIMULATOR/target/SITL/target.h)                        |
 // |---------|----------------------------------------------------------------------------|
@@ -35,7 +35,7 @@ constexpr std::string_view local_fields[] = {
     "q_LB_{w,x,y,z}:f64", "v_{north,east,down}_m_per_s:f64", "{north,east,down}_m:f64",
     "pressure_pa:f64",
 };
-// The rate is relative to the Earth, as the simulators' Earth does not turn.
+// The rate counts as relative to the Earth, because the Earth of these simulators does not turn.
 constexpr std::string_view geodetic_fields[] = {
     "time_s:f64",
     "{p,q,r}_BE_rad_per_s:f64",

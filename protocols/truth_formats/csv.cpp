@@ -1,5 +1,5 @@
-// Truth as rows of text: a header row, then a row per state, the columns by name in any order. The names are
-// Basilisk's, or quantities of truth with their units, or any by the setting `columns`
+// Truth as rows of text: a header row, then a row per state. The columns may have any order. Their names are
+// Basilisk's names, or quantities of truth with their units, or, with the setting `columns`, any names
 // (protocols/quantities/mapped_columns.hpp).
 //
 // By Basilisk's names, `time_ns`, `sigma_BN_1..3` (MRP of any norm) and `omega_BN_B_x..z` (rad/s) are required.
@@ -108,7 +108,7 @@ class NamesSeen {
   bool has_basilisk_ = false, has_quantity_ = false;
 };
 
-// Rows by Basilisk's names, until a header row has names of quantities.
+// Reads rows by Basilisk's names until a header row has names of quantities.
 class CsvTruthDecoder final : public LineTruthDecoder {
  public:
   explicit CsvTruthDecoder(const Settings& settings) : basilisk_(settings), mapped_(TruthAssembly::axes(settings)) {}
@@ -125,7 +125,7 @@ class CsvTruthDecoder final : public LineTruthDecoder {
   }
 
  private:
-  // Each truth has a time: that spares rows of numbers the search.
+  // Each truth has a time. Rows of numbers do not name one, and need no search.
   static bool has_quantities(std::string_view row) noexcept {
     if (row.find("time") == row.npos && row.find("utc") == row.npos) return false;
     const char delimiter = delimiter_of(row);

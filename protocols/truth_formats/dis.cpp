@@ -15,9 +15,9 @@
 // | 104    | f32[3]   | acceleration; not used                                                         |
 // | 116    | f32[3]   | angular velocity relative to E, in body axes, rad/s; with algorithms 3, 4, 7, 8 |
 //
-// The other algorithms describe entities that do not rotate; their rate is then not given. B's origin is the centre
-// of the entity's bounding box. A sender omits PDUs while dead reckoning is good enough; for a sensor, set its
-// thresholds to 0, so that it sends one each step.
+// The other algorithms describe entities that do not rotate; then the rate is not given. B's origin is the centre of
+// the entity's bounding box. A sender omits PDUs while dead reckoning is good enough. For a sensor, set the sender's
+// thresholds to 0, so that it sends a PDU in each step.
 //
 // Sources: IEEE Std 1278.1-2012, as open-dis-cpp at b66306e (src/dis7/EntityStatePdu.cpp) and open-dis-python at
 // b9c4cd0 encode it; the axes of velocity and rate by dead reckoning algorithm: opendis/DeadReckoning.py of the

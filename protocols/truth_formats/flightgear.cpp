@@ -2,13 +2,13 @@
 // in the order of the chunks in Protocol/NAME.xml. Two files are shipped (FGDATA, read at 0508a7a0):
 //
 // insgns-imu: time (s), p, q, r (JSBSim's pi, qi, ri: relative to inertial space, rad/s, 6 decimals), x, y, z of the
-//   pilot's acceleration (specific force at the eye point, m/s^2, 5 decimals). It has no attitude, which is
-//   therefore integrated.
+//   pilot's acceleration (specific force at the eye point, m/s^2, 5 decimals). There is no attitude: it is
+//   integrated.
 // insgns-truth: time, latitude, longitude (rad), altitude (m, negative), velocity north, east, down (m/s), and yaw,
-//   pitch, roll (rad, 5 decimals). It has no rate: that is derived, within what 1e-5 rad permit.
+//   pitch, roll (rad, 5 decimals). There is no rate: it is derived, with the accuracy that steps of 1e-5 rad permit.
 //
-// Chunks of type float are read as float32: the time of both has 4 decimals, and is coarser than these, 0.24 ms, from
-// 2048 s on.
+// Chunks of type float are read as float32. The time of both files has 4 decimals; from 2048 s on, the steps of a
+// float32 are coarser: 0.24 ms.
 //
 // The setting `columns` gives the chunks of another protocol in their order. Rows leave with FlightGear's frames.
 #include "protocols/quantities/pose_table.hpp"

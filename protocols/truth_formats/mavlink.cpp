@@ -7,17 +7,17 @@
 // | 2       | FD, length, incompatible and compatible flags, sequence, system, component, id (3 bytes), payload   |
 // |         | without its last zeros, CRC, signature of 13 bytes if flag 1 is set                                 |
 //
-// The CRC is CRC-16/MCRF4XX of all but the first byte, and of CRC_EXTRA, a byte that is computed from the message's
-// definition. CRC_EXTRA of messages that are not used here is unknown. Such a message is accepted if another or
-// nothing follows it, and if its CRC is wrong with each id that is used.
+// The CRC is CRC-16/MCRF4XX of all bytes but the first, followed by CRC_EXTRA, a byte that is computed from the
+// message's definition. CRC_EXTRA is not known for messages that are not used here. Such a message is accepted if
+// another message or nothing follows it, and if its CRC is wrong for each id that is used.
 //
-// Attitude and rates are of front-right-down. The rate is taken as relative to the Earth, whose rate is added.
-// time_usec is the time since boot, or since 1970, which then is counted from the first message. HIL_STATE_QUATERNION
-// and HIL_STATE have 1 mg, 1 cm/s, 1 mm, 1e-7 degree; `acceleration` tells specific force (PX4's reading of it) from
-// the derivative of the velocity.
+// Attitude and rates are of front-right-down. The rate counts as relative to the Earth; the Earth's rate is added.
+// time_usec is the time since boot, or since 1970; in the second case, time is counted from the first message.
+// HIL_STATE_QUATERNION and HIL_STATE have a resolution of 1 mg, 1 cm/s, 1 mm and 1e-7 degree. The setting
+// `acceleration` states whether their acceleration is specific force (as PX4 reads it) or the derivative of velocity.
 //
-// imud sends no heartbeat: as far as is known, PX4 and ArduPilot send these messages to a configured address without
-// one.
+// imud sends no heartbeat. As far as is known, PX4 and ArduPilot need none to send these messages to a configured
+// address.
 //
 // Sources: mavlink.io, "Packet Serialization"; message_definitions/v1.0/common.xml.
 #include <algorithm>
@@ -41,7 +41,7 @@ constexpr Setting settings[] = {
                  "specific_force", acceleration_choices),
 };
 
-// Payloads in the order of the wire; the time is read apart.
+// The payloads in the order of the wire. The time is read separately.
 constexpr std::string_view hil_state_quaternion[] = {
     "_:8",
     "q_LB_{w,x,y,z}:f32",
@@ -61,7 +61,7 @@ constexpr std::string_view hil_state[] = {
     "v_{north,east,down}_cm_per_s:i16",
     "specific_force_{x,y,z}_mg:i16",
 };
-// lat and lon, float32 degrees, are not used where the extension lat_int and lon_int is given.
+// lat and lon, float32 degrees, are not used if the message has the extension lat_int and lon_int.
 constexpr std::string_view sim_state_place = "{latitude,longitude}_deg:f32";
 constexpr std::string_view sim_state[] = {
     "q_LB_{w,x,y,z}:f32",
@@ -171,7 +171,8 @@ class MavlinkTruthDecoder final : public TruthDecoder {
     return nullptr;
   }
 
-  // Returns the message whose CRC a frame of an unknown id has with that message's id; nullptr: there is none.
+  // Returns the message with whose id the CRC of the frame would be right; nullptr if there is none. `frame`: has an
+  // unknown id, which may be damaged.
   static const Message* message_with_damaged_id(std::span<const std::byte> frame) noexcept {
     const bool is_2 = frame[0] == first_2;
     const std::size_t id_at = is_2 ? 7 : 5, header = header_of(frame),
@@ -242,7 +243,7 @@ class MavlinkTruthDecoder final : public TruthDecoder {
       return convert(is_extended ? sim_extended_ : sim_, payload, *std::exchange(sim_time_ns_, std::nullopt), frame,
                      truth);
     }
-    // A time since 1970 is one that is in this millennium.
+    // A time in this millennium counts as a time since 1970.
     constexpr std::uint64_t year_2001_us = 978'307'200'000'000,
                             latest_us = static_cast<std::uint64_t>(truth_limit::time_ns / 1e3);
     constexpr std::int64_t ns_per_us = 1000;
@@ -263,7 +264,7 @@ class MavlinkTruthDecoder final : public TruthDecoder {
   PackedTruth quaternion_, euler_, sim_, sim_extended_;
   RecordSearch search_{longest + 1};
   bool is_datagram_ = false;
-  bool is_silent_ = false;  // a datagram of which no result has been returned yet
+  bool is_silent_ = false;  // no result of the present datagram was returned yet
   TruthResult verdict_ = TruthResult::ok;
   std::uint32_t bad_id_ = 0;
   const PackedTruth* refused_ = nullptr;

@@ -7,17 +7,17 @@
 //   SC[i].bvb                 magnetic field in B, T
 //   SC[i].Accel[k].TrueAcc    (fork nasa-itc/42) specific force, m/s^2; used if 0, 1 and 2 are there, as x, y and z
 //
-// qn and wn are required; other lines are not used. Vehicle i is the stream of its truth. Time is counted from the
-// first message of a connection. N is inertial, and its origin the centre of the Earth where positions are given. A
-// message that lacks just one line that the one before had is refused, as its name is probably damaged; the next may
-// lack it.
+// qn and wn are required; other lines are not used. The truth of vehicle i has the stream i. Time is counted from the
+// first message of a connection. N is inertial; if positions are given, its origin is the centre of the Earth. If a
+// message lacks exactly one line that the message before had, it is refused, because the name of this line is
+// probably damaged. The next message may lack the same line.
 //
-// Without TrueAcc the specific force is given as 0, as in free fall without thrust and drag. It must
-// not be derived: 42's orbit moves in steps of 2^-23 s, so that positions at 100 Hz, differentiated
-// twice, are wrong by 9 m/s^2.
+// Without TrueAcc the specific force is 0, as in free fall without thrust and drag. It must not be derived from the
+// positions: 42's orbit moves in steps of 2^-23 s, so that positions at 100 Hz, differentiated twice, are wrong by
+// 9 m/s^2.
 //
-// 42 waits for "Ack" and a zero byte after each message on TCP: it is sent when the samples have been sent, and at
-// once if a message has no truth.
+// After each message on TCP, 42 waits for "Ack" and a zero byte. This answer is sent when the samples have been sent,
+// or at once if a message has no truth.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -53,7 +53,7 @@ struct Orbit {
   Numbers<3> position, velocity;
 };
 
-// Which lines a message has: a bit for each, of each vehicle and of each orbit.
+// The lines that a message has, as bits for each vehicle and for each orbit.
 struct Lines {
   std::array<std::uint8_t, most_indices> vehicles = {}, orbits = {};
 };
@@ -61,14 +61,15 @@ constexpr std::string_view vehicle_lines[] = {
     "qn", "wn", "PosR", "VelR", "bvb", "Accel[0].TrueAcc", "Accel[1].TrueAcc", "Accel[2].TrueAcc"};
 constexpr std::string_view orbit_lines[] = {"PosN", "VelN"};
 
-// Removes `head` from the begin of `text`. Returns false if it is not there.
+// Removes `head` from the begin of `text`. Returns false if the text does not begin with `head`.
 bool take_text(std::string_view& text, std::string_view head) noexcept {
   if (!text.starts_with(head)) return false;
   text.remove_prefix(head.size());
   return true;
 }
 
-// Removes an index and "]." from the begin of `text`. Returns most_indices if it is none, or larger.
+// Removes an index and "]." from the begin of `text`. Returns most_indices if the text does not begin so, or if the
+// index is too large.
 std::size_t take_index(std::string_view& text) noexcept {
   const std::size_t end = text.find(']');
   const auto index = parse_integer(text.substr(0, end));
@@ -183,7 +184,7 @@ class Nasa42Decoder final : public LineTruthDecoder {
     return is_read ? TruthResult::no_state : TruthResult::bad_number;
   }
 
-  // A message whose lines were refused is not counted again.
+  // Ends a message. If a line was refused, this was counted already.
   TruthResult end_message(Truth& truth) noexcept {
     lines_ = 0;
     const bool is_bad = std::exchange(is_bad_, false), has_time = std::exchange(has_time_, false);
@@ -231,7 +232,7 @@ class Nasa42Decoder final : public LineTruthDecoder {
     return static_cast<std::uint8_t>(all);
   }
 
-  // Returns whether the message lacks a single line that the one before had, and names it.
+  // Returns whether the message lacks exactly one line that the message before had. Sets the name of this line.
   bool lacks_a_line() noexcept {
     const Lines has = lines(), had = std::exchange(had_, has);
     std::size_t count = 0;
@@ -253,7 +254,7 @@ class Nasa42Decoder final : public LineTruthDecoder {
     return count == 1;
   }
 
-  // Reads "name = [numbers]". Returns false if the numbers are not as many.
+  // Reads "name = [numbers]". Returns false if the number of numbers is wrong.
   template <std::size_t Size>
   static bool read(std::string_view text, Numbers<Size>& numbers) noexcept {
     text = trim(text.substr(std::min(text.find('='), text.size() - 1) + 1));
@@ -296,7 +297,7 @@ class Nasa42Decoder final : public LineTruthDecoder {
     return !text.starts_with("VelN ") || read(text, orbits_[index].velocity);
   }
 
-  // Returns nothing if the message does not have that vehicle.
+  // Returns nullopt if the message does not have this vehicle.
   std::optional<TruthResult> convert(std::size_t index, Truth& truth) const noexcept {
     const Vehicle& vehicle = vehicles_[index];
     if (!vehicle.qn.is_given || !vehicle.wn.is_given) return std::nullopt;

@@ -90,7 +90,7 @@ constexpr struct {
   std::string_view name, unit;
   little_float64_buf_t (TruthWire::*member)[3];
   double largest;
-  std::uint16_t flags;  // one of which must be set for the vector to be read; 0: it is always read
+  std::uint16_t flags;  // the vector is read if one of these is set; 0: always
 } vectors[] = {
     {"r_BN_N", "m", &TruthWire::r_BN_N, truth_limit::position, 0},
     {"v_BN_N", "m/s", &TruthWire::v_BN_N, truth_limit::velocity, 0},

@@ -2,8 +2,8 @@
 // a C program's packed struct send it: a magic, fields (protocols/quantities/packed_layout.hpp), further bytes, a
 // checksum.
 //
-// A datagram is one record. In a stream, records are found by the magic and the checksum; without either, they follow
-// one another from its first byte on.
+// A datagram is one record. In a stream, records are found by the magic and the checksum. If there is neither, the
+// records follow one another from the first byte of the stream on.
 #include <algorithm>
 #include <boost/crc.hpp>
 #include <stdexcept>
@@ -186,7 +186,7 @@ class StructTruthDecoder final : public TruthDecoder {
                                   " bytes; give that or more, or 0");
     return given;
   }
-  // Checks a record, of which no more than length_ bytes are given in a stream.
+  // Checks a record. In a stream, `record` has at most length_ bytes.
   TruthResult check(std::span<const std::byte> record) const noexcept {
     const std::size_t head = std::min(magic_.size(), record.size());
     const bool has_magic = std::ranges::equal(record.first(head), std::span(magic_).first(head));

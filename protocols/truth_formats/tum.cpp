@@ -1,10 +1,10 @@
 // Trajectories of the TUM RGB-D benchmark: rows "timestamp tx ty tz qx qy qz qw", separated by blanks; a row that
 // begins with '#' is a remark. s, m, and the rotation from body to world axes.
 //
-// The recording defines the world. Its z axis is taken to point up, as in the benchmark and in most halls with motion
-// capture, and gravity to act against it; x and y of such a world are taken as east and north. `level = "ned"` is for
-// a world whose z axis points down, or whose axes are N's. The body axes are used as they are, unless `body` is
-// given. A table whose world is a camera's first image has an unknown vertical: rotate it before.
+// The recording defines the world. The z axis of the world is assumed to point up, as in the benchmark and in most
+// halls with motion capture; x and y count as east and north. `level = "ned"` is for a world whose z axis points
+// down, or whose axes are N's. The body axes are used unchanged, unless `body` is given. If the world is a camera's
+// first image, the vertical is unknown: rotate such a table first.
 #include "protocols/quantities/pose_table.hpp"
 
 namespace imud {

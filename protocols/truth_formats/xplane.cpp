@@ -1,19 +1,22 @@
-// X-Plane by UDP, whose port is 49000, in one of two ways:
+// X-Plane by UDP. X-Plane's port is 49000. There are two ways:
 //
-// RREF: imud requests each dataref, in datagrams of 413 bytes ("RREF", 0, i32 times per second, i32 index, 400
-// characters), and again every 2 s, as X-Plane may have been restarted. X-Plane answers with each of its frames:
-// "RREF" and a byte ("," since version 11, "O" in 10), then for each an i32 index and a float32.
+// RREF: imud requests each dataref by a datagram of 413 bytes ("RREF", 0, i32 times per second, i32 index, 400
+// characters). It repeats the requests every 2 s, because X-Plane may have been restarted. X-Plane answers with each
+// of its frames: "RREF" and a byte ("," since version 11, "O" in 10), then for each dataref an i32 index and a
+// float32.
 //
-// DATA: the rows 1, 4, 16, 17, 20 and 21 of its Data Output screen, sent to imud: "DATA" and a byte, then for each an
-// i32 number and eight float32: times; Mach and g-loads; rates; attitude; place; position and velocity. Row 16 has P,
-// Q, R in deg/s since X-Plane 12, and Q, P, R in rad/s before.
+// DATA: X-Plane sends the rows 1, 4, 16, 17, 20 and 21 of its Data Output screen to imud: "DATA" and a byte, then for
+// each row an i32 number and eight float32. The rows are: times; Mach and g-loads; rates; attitude; place; position
+// and velocity. Row 16 has P, Q, R in deg/s since X-Plane 12, and Q, P, R in rad/s before.
 //
 // All is little-endian. Attitude is of front-right-down relative to north-east-down. The rate is relative to the
-// Earth, whose rate is added. B's origin is the centre of gravity. X-Plane's local axes are east, up, south at the
-// origin of the scenery, and are taken as the axes at the aircraft. The g-loads are specific force in g: positive to
-// the right (side), upwards (normal), and, along the axis, backwards as a dataref and forwards in row 4.
+// Earth; the Earth's rate is added. B's origin is the centre of gravity. X-Plane's local axes are east, up, south at
+// the origin of the scenery, and count as the axes at the aircraft. The g-loads are specific force in g: the side
+// load is positive to the right, the normal load upwards, and the axial load backwards as a dataref and forwards in
+// row 4.
 //
-// A time in float32 is coarse: 0.2 ms after an hour. With time = "arrival" it has the jitter of the network instead.
+// A time in float32 is coarse: 0.2 ms after an hour. With time = "arrival", the time has the network's jitter
+// instead.
 //
 // Sources: "Sending Data to X-Plane" (Laminar Research), section "SEND ME ALL THE DATAREFS I WANT: RREF";
 // DataRefs.txt of X-Plane 11. Signs of the g-loads as datarefs: px4xplane at 971a855a (src/MAVLinkManager.cpp:
@@ -185,7 +188,7 @@ class XplaneTruthDecoder final : public DatagramTruthDecoder {
       std::memcpy(record_.data() + part * part_size_, rest.data() + sizeof(std::int32_t), part_size_);
       has_.set(part);
     }
-    // Datarefs may come in several datagrams. The next frame's datagrams then complete their own truth.
+    // The datarefs of a frame may come in several datagrams. A truth is complete when all its parts were received.
     if ((has_ | needless_).count() < parts_) return is_rref_ ? TruthResult::no_state : TruthResult::too_short;
     has_.reset();
     return truth_.convert(record_, arrival(), truth);
@@ -196,7 +199,7 @@ class XplaneTruthDecoder final : public DatagramTruthDecoder {
   std::size_t parts_, part_size_;
   PackedTruth truth_;
   std::array<std::byte, std::size(rows)* row_size> record_ = {};
-  std::bitset<most_parts> has_, needless_;  // which parts the record has; which it does not need
+  std::bitset<most_parts> has_, needless_;  // the parts that the record has, and the parts that it does not need
   std::optional<HostTime> next_request_;
 };
 
