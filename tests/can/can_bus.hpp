@@ -55,7 +55,7 @@ inline std::optional<Port::Received> receive_next(Port& port) {
   return std::nullopt;
 }
 
-// Flushes the port whenever it requests it. Returns false if it still holds frames after a minute.
+// Flushes the port whenever the port requests this. Returns false if the port still holds frames after a minute.
 inline bool drain(Port& port) {
   const HostTime end = host_now() + 60s;
   while (!port.is_drained()) {

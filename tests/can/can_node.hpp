@@ -60,8 +60,8 @@ class Node {
     got.fd = size == CANFD_MTU;
     return got;
   }
-  // Discards frames until there is one of that identifier (flags as in can_id); nullopt if there is none for a
-  // minute.
+  // Discards frames up to the first frame with this identifier (flags as in can_id), and returns that frame; nullopt
+  // if there is none within a minute.
   std::optional<canfd_frame> receive_id(canid_t id) const {
     const auto end = std::chrono::steady_clock::now() + std::chrono::minutes(1);
     while (std::chrono::steady_clock::now() < end)
@@ -116,8 +116,8 @@ class LineController {
   void send(std::string_view command) const {
     EXPECT_EQ(::write(master_.get(), command.data(), command.size()), static_cast<ssize_t>(command.size()));
   }
-  // Returns the number of frames received over the line. It waits until there are as many as expected, a minute at
-  // most (the guest may be held up for long), and then 200 ms in which any frame too many arrives.
+  // Returns the number of frames received over the line. Waits until there are `expected` frames, but at most a
+  // minute (the guest may be held up for long), and then 200 ms more for surplus frames.
   std::uint64_t frames(std::uint64_t expected) const {
     const auto end = std::chrono::steady_clock::now() + std::chrono::minutes(1);
     while (frames_ < expected && std::chrono::steady_clock::now() < end)

@@ -10,7 +10,7 @@ namespace imud {
 
 class CanUnitTest : public LiveTest {
  protected:
-  // The table of a unit, with further keys.
+  // Returns the table [[imu]] of a unit, with further keys.
   static std::string unit(const std::string& protocol, const std::string& keys = "",
                           const std::string& interface = "vcan0") {
     return fmt::format(

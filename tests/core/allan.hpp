@@ -1,4 +1,4 @@
-// The Allan variance of a series, and the band in which that of random data lies, for tests of noise.
+// The Allan variance of a series, and the band in which the Allan variance of random data lies, for tests of noise.
 #pragma once
 
 #include <boost/math/distributions/chi_squared.hpp>
@@ -8,9 +8,9 @@
 
 namespace imud {
 
-// The Allan variance of increments at an averaging time of `m` steps of `period_s`, from disjoint pairs of averages:
-// each pair is used once, so that with white noise and with random walks they are independent, and `degrees` times
-// the estimate over the true value is distributed as chi-square.
+// The Allan variance of increments at an averaging time of `m` steps of `period_s`, from disjoint pairs of averages.
+// Each pair is used once. Therefore the pairs are independent for white noise and for random walks, and `degrees`
+// times the estimate over the true value has a chi-square distribution.
 struct AllanVariance {
   double sum = 0;
   double degrees = 0;
@@ -26,8 +26,8 @@ struct AllanVariance {
     }
   }
 
-  // Returns true if the estimate is one that data of the Allan variance `expected` give, except for those of the
-  // probability `false_alarm`.
+  // Returns true if data with the Allan variance `expected` can give this estimate. For such data, returns false with
+  // the probability `false_alarm`.
   bool fits(double expected, double false_alarm) const {
     const boost::math::chi_squared distribution(degrees);
     const double ratio = degrees * value() / expected;

@@ -1,6 +1,6 @@
-// A motion given by its rate and specific force in body axes, as a truth source for tests: attitude and accumulated
-// velocity are integrated so finely (fourth order, 1 ms) that they are exact to about 1e-14 for motions of a few
-// rad/s. It shares no code with the model: std::sin, Eigen's AngleAxis.
+// A motion given by its rate and specific force in body axes, as a truth source for tests. Attitude and accumulated
+// velocity are integrated with fourth order and steps of 1 ms, so that they are exact to about 1e-14 for motions of a
+// few rad/s. The code shares nothing with the model: it uses std::sin and Eigen's AngleAxis.
 #pragma once
 
 #include <cmath>
@@ -32,7 +32,7 @@ inline BodyMotion smooth_motion() {
           }};
 }
 
-// The integrals of its rate and specific force from 0 to t, in closed form.
+// The integrals of smooth_motion()'s rate and specific force from 0 to t, in closed form.
 inline Vector3 smooth_rate_integral(double t) {
   return {0.05 * t + 0.30 / 0.7 * (1.0 - std::cos(0.7 * t)),
           -0.04 * t - 0.20 / 0.5 * (std::sin(0.5 * t + 0.2) - std::sin(0.2)),

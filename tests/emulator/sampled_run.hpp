@@ -34,7 +34,8 @@ class SampledRunTest : public RunTest {
     std::array<double, FaultKind::max_parameters> parameters;
   };
   struct Sampled {
-    // By imu, and by sample: the frames that left from its instant until the next, with their identifiers on a bus.
+    // By imu, then by sample: the frames that were sent from this sample's instant until the next, with their
+    // identifiers on a bus.
     std::vector<std::vector<std::string>> sent;
     std::vector<Acted> acted;
   };
@@ -84,7 +85,7 @@ class SampledRunTest : public RunTest {
   }
 
  private:
-  // The truth of a spiral; with `stop`, a live one that sets it when it has ended.
+  // The truth of a spiral. With `stop`, a live truth, which sets `stop` at its end.
   class Flight final : public Port {
    public:
     Flight(double seconds, std::atomic<bool>* stop)

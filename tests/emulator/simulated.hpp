@@ -47,7 +47,7 @@ class SimulatedHost final : public Host {
     if (on_wait) on_wait();
     return ready_;
   }
-  // The sum of the times for which the loop was to spin.
+  // The sum of the times for which the loop was asked to spin.
   Nanoseconds spun() const { return spun_; }
   // Stops the host from `from` until `until`.
   void freeze(HostTime from, HostTime until) { freezes_.push_back({from, until}); }
@@ -59,7 +59,7 @@ class SimulatedHost final : public Host {
   static constexpr HostTime never{std::numeric_limits<std::int64_t>::max()};
   std::function<void()> on_wait;          // called at the end of each wait for input
   std::function<void(HostTime)> on_send;  // called before each sample of a SimulatedSensor is sent
-  Nanoseconds send_cost{0};               // how long that takes
+  Nanoseconds send_cost{0};               // duration of each send
   HostTime end;
   std::atomic<bool> stop = false;
 
@@ -82,8 +82,8 @@ class SimulatedHost final : public Host {
   std::vector<std::pair<HostTime, HostTime>> freezes_;
 };
 
-// Truth that arrives at its time, and takes a little time to receive; or a capture, which is available at once, and
-// ends. An arrival without bytes is an end of the connection.
+// Either truth that arrives at given times and takes a little time to receive, or a capture, which is available at
+// once and ends. An arrival without bytes is the end of a connection.
 class SimulatedTruth final : public Port {
  public:
   explicit SimulatedTruth(SimulatedHost& host, bool capture = false, Nanoseconds cost = Nanoseconds{2'000})
@@ -151,7 +151,7 @@ class SimulatedRun {
   HostTime at(double s) const { return begin_ + nanoseconds(s); }
   double since_begin(HostTime time) const { return seconds(time - begin_); }
 
-  // Adds a truth that arrives at `arrival_s`; call it in any order.
+  // Adds a truth that arrives at `arrival_s`. The calls may be in any order.
   void truth(double arrival_s, const Truth& truth) {
     std::vector<std::byte> bytes(native_truth_size);
     encode_native_truth(truth, std::span<std::byte, native_truth_size>(bytes));

@@ -1,5 +1,5 @@
-// CAN frames as text, as candump -L writes them: "18EAFF00#00EE00", "123#R", "123##1AABB"; several stand apart by
-// blanks.
+// CAN frames as text, as candump -L writes them: "18EAFF00#00EE00", "123#R", "123##1AABB". Blanks separate several
+// frames.
 #pragma once
 
 #include <algorithm>
@@ -14,8 +14,8 @@
 
 namespace imud {
 
-// Calls `call` with each frame of any text: what is no hexadecimal digit counts as one, and too many digits are cut
-// off. Allocates nothing.
+// Calls `call` with each frame of any text. A character that is no hexadecimal digit counts as some digit, and
+// surplus digits are cut off. Allocates nothing.
 template <class Call>
 void each_frame(std::string_view text, Call&& call) {
   const auto digit = [](char c) {

@@ -21,8 +21,8 @@ namespace imud {
 struct ConformanceSettings {
   // "key=value key=value ..."; each sample must immediately yield a frame. Other settings have their initial values.
   std::string_view settings = "";
-  // Adapts a copy of the entry, if its fields, resolution, range or the like differ with these settings. nullptr:
-  // they do not.
+  // Adapts a copy of the entry to these settings, if they change its fields, resolution, range or the like. nullptr:
+  // they change nothing.
   void (*adapt)(Protocol& entry) = nullptr;
 };
 
@@ -31,8 +31,8 @@ struct ConformanceSettings {
 struct HostInputs {
   std::string (*frame)(std::string_view body) = nullptr;  // adds the framing to a body
   std::span<const std::string_view> bodies = {};          // at least one of every kind
-  // From any state, after a pause in which an unfinished input times out, these bodies, sent one after another, bring
-  // the device to a state in which its answer to the body `last` contains `answer`.
+  // These bodies, sent one after another, must bring the device from any state to a state in which its answer to the
+  // body `last` contains `answer`. Before them is a pause in which an unfinished input times out.
   std::span<const std::string_view> revive = {};
   std::string_view last = "", answer = "";
 };

@@ -11,7 +11,7 @@ struct PhaseSigmas {
   double tilt_deg = 0.2, heading_deg = 0.8, velocity = 0.1, position = 1;
 };
 
-// All take a sample with a place, which is the true one.
+// All functions take a sample whose place is known and true.
 inline Sample aligning(const Sample& known, bool has_fix = true) {
   Sample sample = known;
   Solution& solution = sample.solution.emplace();

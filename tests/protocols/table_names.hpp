@@ -10,9 +10,9 @@
 
 namespace imud {
 
-// Returns the expected names of the entries, in the order of their stems: those of the .cpp files in `folder`
-// (relative to the project), and of the folders beside it that contain a device.cpp. A name that begins with a digit
-// has a word before it in its stem: nasa_42.
+// Returns the expected names of the entries, in the order of their stems. A stem is the name of a .cpp file in
+// `folder` (relative to the project), or of a folder beside it that contains a device.cpp. If a name begins with a
+// digit, the stem has a word before it: nasa_42.
 inline std::vector<std::string> names_from_files(const std::string& folder) {
   namespace fs = std::filesystem;
   const fs::path path = fs::path(IMUD_SOURCE_DIR) / folder;

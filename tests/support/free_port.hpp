@@ -13,8 +13,9 @@
 
 namespace imud {
 
-// Returns a port that no socket has. It is below those that Linux gives to sockets without a port of their own
-// (ip(7), ip_local_port_range): no socket of another test gets it before the program binds it.
+// Returns a port that no socket has. The port is below the range from which Linux takes ports for sockets that ask
+// for none (ip(7), ip_local_port_range). Therefore no such socket of another test gets this port before the program
+// binds it.
 inline int free_udp_port(int family = AF_INET) {
   constexpr int first = 10'000;
   int end = 0;

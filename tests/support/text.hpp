@@ -1,4 +1,4 @@
-// What tests ask of printed text.
+// Functions for printed text.
 #pragma once
 
 #include <cstddef>

@@ -86,18 +86,19 @@ class DatagramTimes {
   std::jthread thread_;
 };
 
-// The configuration of `imus` imus; keys of the first table and of each imu ("{0}": its number; "{1}": 62.5 times
-// that).
+// Returns a configuration with `imus` imus. `realtime`: keys of the first table; `imu`: keys of each imu, in which
+// "{0}" stands for the number of the imu, and "{1}" for 62.5 times this number.
 std::string config(int truth_port, const std::string& realtime, int imus, const std::string& imu);
 
 struct Run {
   nlohmann::json summary;
   double cpu_s = 0;
-  // The worst of all imus.
+  // Returns the lateness of the worst imu.
   Percentiles lateness() const;
   std::uint64_t count(const std::string& key) const;  // summed
 };
-// Runs `imud run` for that time with a simulator and readers of those links; `arguments` are further ones of imud.
+// Runs `imud run` for `duration_s` with a simulator, and with readers of `links`. `arguments`: further arguments of
+// imud.
 Run run_imud(const Folder& folder, const std::string& config, int truth_port, double duration_s,
              std::vector<std::string> links = {}, const std::vector<std::string>& arguments = {});
 

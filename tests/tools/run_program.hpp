@@ -47,8 +47,8 @@ class Program {
   Program(const Program&) = delete;
   Program& operator=(const Program&) = delete;
 
-  // Starts the program; call it once. `input` is the whole of its standard input; without it, that is /dev/null.
-  // Throws if the program cannot be run.
+  // Starts the program. Call this once. `input`: the whole standard input of the program; nullopt: /dev/null. Throws
+  // if the program cannot be run.
   void start(const std::vector<std::string>& arguments, std::optional<std::string> input = {}) {
     if (child_ != 0) throw std::logic_error("Program::start: started already");
     Pipe in, out, err, failure;
@@ -104,7 +104,8 @@ class Program {
       }
       std::this_thread::sleep_for(std::chrono::milliseconds(1));
     }
-    // Its last output is still in the pipes; a process that it left behind may keep them open.
+    // The last output of the program is still in the pipes. A process that the program left behind may keep them
+    // open.
     const auto drained = Clock::now() + std::chrono::seconds(10);
     while (!is_drained() && Clock::now() < drained) std::this_thread::sleep_for(std::chrono::milliseconds(1));
     return exit_code_.value_or(-1);
@@ -129,7 +130,7 @@ class Program {
   }
   pid_t pid() const { return child_; }
 
-  // Return what it has printed so far.
+  // Return the text that the program has printed so far.
   std::string output() const { return text(out_); }
   std::string errors() const { return text(err_); }
 

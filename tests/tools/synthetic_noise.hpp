@@ -1,4 +1,4 @@
-// Noise of one term each, at a rate of one sample per period, of a seed: the same on every machine.
+// Noise with given terms, one sample per period. The same seed gives the same noise on every machine.
 #pragma once
 
 #include <cmath>
@@ -26,7 +26,8 @@ class SyntheticNoise {
       for (double& rate : rates) rate += terms.N / std::sqrt(period_s) * normal();
     if (terms.B > 0) add_flicker(rates, terms.B);
     if (terms.K > 0) {
-      // The average of a random walk over a period: its mean of both ends, and what it does between them.
+      // The average of a random walk over a period: the mean of both ends, and the deviation of the walk between
+      // them.
       const double step = terms.K * std::sqrt(period_s);
       double before = 0;
       for (double& rate : rates) {

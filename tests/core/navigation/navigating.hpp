@@ -1,4 +1,4 @@
-// Flights of a unit with a filter of its own, for the tests of the Navigator.
+// Flights of a unit with its own filter, for the tests of the Navigator.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -61,16 +61,16 @@ inline NavigatingUnit mems_unit() {
   return model;
 }
 
-// The errors of a solution: rad about north, east, down; m/s; m, by standard deviations of the same.
+// The errors of a solution (rad about north, east, down; m/s; m), and the reported standard deviations of the same.
 struct Errors {
   Vector3 attitude, velocity, position;
 };
 
 inline Nanoseconds in_time(Nanoseconds time) { return time; }
 
-// Runs the unit through turns, and calls `look` with each sample's solution, its errors and the time, s. `disturb`
-// changes each sample before the navigator has it; `simulated` is the simulator's time at a time of the unit;
-// `motion` is the vehicle's. `at_end` has the navigator after the last sample.
+// Flies the unit through turns. Calls `look` with each sample and its solution, the errors of the solution, and the
+// time, s. `disturb` changes each sample before the navigator gets it. `simulated`: returns the simulator's time at a
+// time of the unit. `motion`: of the vehicle. `at_end` is called with the navigator after the last sample.
 inline void fly(const NavigatingUnit& model, double seconds_long, const std::function<void(Sample&, double)>& disturb,
                 const std::function<void(const Sample&, const Errors&, double)>& look, std::uint64_t seed = 1,
                 Nanoseconds (*simulated)(Nanoseconds) = in_time, Truth (*motion)(TruthTime) = turn_at,

@@ -92,7 +92,7 @@ inline std::vector<Truth> poses_of(const PoseMotion& motion, int rate_hz, Nanose
   return poses;
 }
 
-// Returns what a fit makes of all truths.
+// Returns all truths as a fit completes them.
 inline std::vector<Truth> fitted(PoseFit& fit, const std::vector<Truth>& given) {
   std::vector<Truth> all;
   Truth truth;
@@ -130,7 +130,7 @@ inline FitErrors errors_of(const std::vector<Truth>& derived, const PoseMotion& 
   return errors;
 }
 
-// The gravitation of these motions.
+// Options with the gravitation of these motions.
 inline constexpr PoseFit::Options level{
     .gravitation = {.kind = GravitationModel::Kind::constant, .constant = 9.80665}};
 

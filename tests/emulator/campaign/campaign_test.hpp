@@ -82,8 +82,8 @@ class CampaignWithResults : public CampaignFolder {
     more.insert(more.begin(), {"campaign", "status", path(folder)});
     return run_program("imud", more);
   }
-  // Return the build of the imud that has run a folder; and the plan as that imud reads it, which is not this
-  // program.
+  // build_of() returns the build of the imud that has run a folder. campaign_by_imud() returns the plan as this imud
+  // reads it: the imud is another program than the test.
   std::string build_of(const std::string& folder) const { return ResultFolder(path(folder)).campaign().build; }
   Campaign campaign_by_imud(const std::string& folder) const {
     Campaign campaign = read_campaign(path("plan.toml"));

@@ -17,7 +17,7 @@ namespace imud {
 
 class ControlClient {
  public:
-  // Waits for the socket: imud may not run yet.
+  // Waits until the socket exists, because imud may not run yet.
   explicit ControlClient(const std::string& path) {
     for (int i = 0; i < 3000 && !socket_; ++i) {
       socket_ = connect_to_socket(path);
@@ -41,7 +41,7 @@ class ControlClient {
     const ssize_t n = ::send(socket_.get(), bytes.data(), bytes.size(), MSG_NOSIGNAL | MSG_DONTWAIT);
     return n > 0 ? static_cast<std::size_t>(n) : 0;
   }
-  // Returns the next line; nullopt if the connection has ended, or nothing has come for 30 s.
+  // Returns the next line; nullopt if the connection has ended, or if nothing was received for 30 s.
   std::optional<std::string> receive() {
     for (;;) {
       if (const std::size_t end = waiting_.find('\n'); end != waiting_.npos) {

@@ -18,7 +18,7 @@
 
 namespace imud {
 
-// The way of a request to imud.
+// The connection by which a request reaches imud.
 enum class Carrier : std::uint8_t { socket, tcp, http, web_socket };
 
 inline const std::string fuzz_token = "a token of the fuzz test";

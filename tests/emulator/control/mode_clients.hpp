@@ -1,5 +1,6 @@
-// Hosts that change the modes of a product at random. Each knows from the product's document, not from imud's code,
-// which frames the product may send on its own in the mode that its last answer has confirmed.
+// Hosts that change the modes of a product at random. Each host knows which frames the product may send on its own in
+// the mode that the product's last answer has confirmed. This knowledge is from the product's document, not from
+// imud's code.
 #pragma once
 
 #include <array>
@@ -20,18 +21,18 @@ class ModeClient {
   virtual ~ModeClient() = default;
   // Returns the keys of [[imu]].
   virtual std::string configuration() const = 0;
-  // Returns what the host writes next.
+  // Returns the next bytes that the host writes.
   virtual std::string write(HostTime now) = 0;
-  // The device has executed what was written, and answered by `answer`, which may be empty.
+  // Is called when the device has executed the written bytes. `answer`: its answer, which may be empty.
   virtual void on_executed(std::string_view answer, HostTime now) = 0;
-  // The supply was switched off and on.
+  // Is called after the supply was switched off and on.
   virtual void on_power(HostTime now) = 0;
   // Returns true if the mode allows a frame that the device sends on its own.
   virtual bool allows(std::string_view frame, HostTime now) = 0;
 
   // The frames that were allowed, and the modes that were entered, by name.
   std::map<std::string, std::size_t> frames, modes;
-  // The names that `frames` and `modes` must have at the end, each many times.
+  // The names that `frames` and `modes` must have at the end, each with a large count.
   std::vector<std::string> expected_frames, expected_modes;
 
  protected:
@@ -133,8 +134,8 @@ class Stim300Client final : public ModeClient {
   HostTime leaves_at_;       // end of the 3 s
 };
 
-// VN-100 user manual: register 6 selects the text, registers 75 to 77 the binary outputs, of which bit 0 of the first
-// parameter is this port; VNASY,0 pauses all of them; VNWNV stores the registers, which a reset loads.
+// VN-100 user manual: register 6 selects the text, registers 75 to 77 the binary outputs (bit 0 of the first
+// parameter stands for this port); VNASY,0 pauses all outputs; VNWNV stores the registers, and a reset loads them.
 class VectorNavClient final : public ModeClient {
  public:
   VectorNavClient() {
@@ -242,8 +243,9 @@ class VectorNavClient final : public ModeClient {
   bool is_paused_ = false;
 };
 
-// mip_sdk, src/c/mip/definitions: idle (01:02) stops every stream until resume (01:06); 0C:11 switches one; 0C:08 and
-// 0C:0A choose its fields; 0C:30 stores and loads all settings. 0C:39 is answered after the capture of 1 s.
+// mip_sdk, src/c/mip/definitions: idle (01:02) stops all streams until resume (01:06); 0C:11 switches a stream; 0C:08
+// and 0C:0A choose the fields of a stream; 0C:30 stores and loads all settings. 0C:39 is answered after the capture
+// of 1 s.
 class MipClient final : public ModeClient {
  public:
   MipClient() {

@@ -1,4 +1,4 @@
-// A soup of faults: all kinds on all targets at random, in epochs whose last two seconds are free of them.
+// A soup of faults: all kinds on all targets at random, in epochs. The last two seconds of an epoch have no faults.
 #pragma once
 
 #include <algorithm>
@@ -16,8 +16,8 @@ class FaultSoup {
   static constexpr double epoch_s = 10;
   static constexpr int per_epoch = 50;
 
-  // An imu that may fail. It must start at once. One that has settings does not lose them, because they would not
-  // come back.
+  // An imu that may fail. It must start without a delay. If the imu has settings, the faults must not make it lose
+  // them, because no host would restore them.
   struct Target {
     std::string imu, protocol;
     bool has_settings = false;

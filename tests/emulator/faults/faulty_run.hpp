@@ -1,4 +1,4 @@
-// Shared by the tests of faults: a run of a flight in this process, with what it sends.
+// Shared by the tests of faults: a run of a flight in this process, and the bytes that it sends.
 #pragma once
 
 #include <fmt/format.h>
@@ -20,7 +20,7 @@ namespace imud {
 
 class FaultyRunTest : public RunTest {
  protected:
-  // A frame as it left, with the time of the device's samples at which it did.
+  // A frame that was sent, with the time of the device's sample at that moment.
   struct Sent {
     DeviceTime time;
     std::string bytes;
@@ -95,7 +95,7 @@ class FaultyRunTest : public RunTest {
     std::vector<std::string> names;
     for (const ImuConfig& imu : config.imus) names.push_back(imu.name);
     result.labels = fault_labels(engine.faults().all(), names, engine.faults().log());
-    // The labels outlive the engine's faults: only what they hold themselves is used.
+    // The labels outlive the engine's faults. Only members that the labels own may be used.
     for (const std::string& of_imu : bytes) result.all_bytes += of_imu;
     return result;
   }

@@ -14,7 +14,7 @@
 
 namespace imud {
 
-// Keeps what it is passed, and returns what a test has put into `from_host`.
+// Keeps the frames that are sent to it, and receives the bytes that a test has put into `from_host`.
 class KeepingPort final : public Port {
  public:
   void send(std::span<const Frame> frames) noexcept override {

@@ -1,4 +1,4 @@
-// A unit with a filter of its own in a channel, and a host that gives it orders.
+// A unit with its own filter, in a channel, and a host that sends commands to the unit.
 #pragma once
 
 #include <cmath>
@@ -19,7 +19,7 @@
 
 namespace imud {
 
-// A port whose other end is the test; what the unit sends is kept.
+// A port whose other end is the test. It keeps the bytes that the unit sends.
 class OrderPort final : public Port {
  public:
   void send(std::span<const Frame> frames) noexcept override {

@@ -25,7 +25,7 @@ class Simulator {
     address_.sin_family = AF_INET;
     address_.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
     address_.sin_port = htons(static_cast<std::uint16_t>(free_udp_port()));
-    // So that the kernel says when nobody has the port (ECONNREFUSED).
+    // A connected socket reports if no socket has the port (ECONNREFUSED).
     ::connect(socket_.get(), reinterpret_cast<const sockaddr*>(&address_), sizeof address_);
   }
   std::string port() const { return fmt::format("udp:127.0.0.1:{}", ntohs(address_.sin_port)); }
@@ -54,7 +54,8 @@ class Simulator {
     const auto first = receive(timeout_ms);
     return first || !was_refused_ ? first : receive(timeout_ms);
   }
-  // Sends, again only while nobody has the port, since imud may not run yet, and waits for the answer.
+  // Sends the truth, and waits for the answer. Sends it again only while no socket has the port: imud may not run
+  // yet.
   std::optional<NativeAcknowledgement> exchange(const Truth& t) {
     const Datagram d = encode(t);
     const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(60);
@@ -86,7 +87,7 @@ class Simulator {
 
   FileDescriptor socket_;
   sockaddr_in address_{};
-  bool was_refused_ = false;  // what was sent before the last receive()
+  bool was_refused_ = false;  // the datagram before the last receive() was refused
 };
 
 class LiveTest : public RunTest {

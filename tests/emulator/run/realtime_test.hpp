@@ -1,5 +1,4 @@
-// Shared by the tests of the real-time loop: a motion from which the time can be found, a configuration, a simulated
-// run.
+// Shared by the tests of the real-time loop: a motion whose samples tell the time, a configuration, a simulated run.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -18,8 +17,8 @@ namespace imud {
 inline TruthTime at_s(double s) { return TruthTime{} + nanoseconds(s); }
 
 // Swings about z, under a force in the inertial x-y plane whose direction and magnitude change. The force along z is
-// constant and therefore extrapolated without error: a sensor's sum of delta-velocities along z gives the time up to
-// which it has sampled.
+// constant, and is therefore extrapolated without error. The sum of a sensor's delta-velocities along z therefore
+// gives the time up to which the sensor has sampled.
 struct Swing {
   static constexpr double amplitude = 0.5, frequency = 2 * units::pi;  // rad, rad/s: up to 3.1 rad/s, 20 rad/s^2
   static constexpr double push = 4, push_frequency = 5, lift = 8;      // m/s^2, rad/s, m/s^2

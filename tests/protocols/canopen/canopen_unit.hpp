@@ -9,7 +9,7 @@
 namespace imud::canopen_test {
 
 struct Unit : CanUnit {
-  // Without a start-up time, unless the settings have one.
+  // The device has no start-up time, unless `chosen` sets one.
   explicit Unit(const std::string& chosen = "") : CanUnit("canopen", "start_up_ms=0 " + chosen) {
     sample.rate = {0.25, -0.5, 1};
     sample.specific_force = {1, -2, -9.75};
@@ -17,7 +17,7 @@ struct Unit : CanUnit {
 
   std::string send(std::string_view text) { return joined(give(text)); }
   std::string pass(Nanoseconds time) { return joined(CanUnit::pass(time)); }
-  // A sample after `time`; returns what is sent until then, and with it.
+  // Takes a sample after `time`. Returns the frames that are sent until then, and with the sample.
   std::string step(Nanoseconds time = 10ms) {
     Texts sent = CanUnit::pass(time);
     for (std::string& text : CanUnit::sample(sample)) sent.push_back(std::move(text));
@@ -25,7 +25,7 @@ struct Unit : CanUnit {
     return joined(sent);
   }
 
-  // SDO, expedited. `size` bytes of `value` are written; returns the abort code, or 0.
+  // Writes `size` bytes of `value` by an expedited SDO transfer. Returns the abort code; 0: none.
   std::uint32_t write(unsigned index, unsigned sub, std::uint64_t value, unsigned size) {
     return abort_of(send(request(0x23 | (4 - size) << 2, index, sub, value)));
   }

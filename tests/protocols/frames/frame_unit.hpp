@@ -46,7 +46,7 @@ inline std::vector<std::byte> bytes_of(Line& line, const Sample& sample) {
   return bytes;
 }
 
-// The answers of a unit to what a host sends: as they are, and both in hexadecimal.
+// Return the answers of a unit to the bytes of a host: answer_to() as text, the other function both in hexadecimal.
 inline std::string answer_to(Line& line, std::string_view request) {
   const auto replies = std::make_unique<FrameBuffer>();
   line.device->receive({std::as_bytes(std::span(request))}, {}, *replies);

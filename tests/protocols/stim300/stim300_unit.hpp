@@ -39,7 +39,8 @@ class Stim300Unit {
     decoder = protocol.make_decoder(all);
   }
 
-  // Returns the datagrams of that many samples, the first of them at time 0, or later half a millisecond after now().
+  // Returns the datagrams of so many samples. The first sample ever is at time 0; later calls begin half a
+  // millisecond after now().
   Datagrams run(int samples) {
     Datagrams all;
     for (int k = 0; k < samples; ++k) {

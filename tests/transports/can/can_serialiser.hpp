@@ -1,4 +1,4 @@
-// The bits of a classic CAN frame as a controller sends them: an oracle for the lengths that are calculated.
+// The bits of a classic CAN frame as a controller sends them: a reference for the calculated lengths.
 #pragma once
 
 #include <cstddef>
