@@ -68,9 +68,12 @@ class DatagramDecoder final : public FrameDecoder<longest_datagram> {
       for (int i = 0; i < 3; ++i) axes[i] = get_number(rest, 3) * lsb(c_, cluster, unit);
       const auto bits = static_cast<unsigned>(get(rest, 1));
       all |= bits;
-      if (cluster == inclinometer) continue;
-      const unsigned overloaded = (bits & status_bit::overload) != 0 ? bits & 7U : 0;
       const bool plain = unit == value || unit == average;
+      if (cluster == inclinometer) {
+        if (plain) sample.inclination = axes * units::standard_gravity;
+        continue;
+      }
+      const unsigned overloaded = (bits & status_bit::overload) != 0 ? bits & 7U : 0;
       if (cluster == gyro) {
         sample.status |= overloaded;
         if (plain) sample.rate = axes * units::degree;

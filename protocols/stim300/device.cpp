@@ -26,7 +26,8 @@
 // 7.2). The frame is sent at the next sample. With the PPS unit "filtered", the level is as for an open input.
 //
 // The low-pass filters are of second order, and designed by the cut-off frequency alone. Their group delays therefore
-// differ from the datasheet's (Tables 5-3 to 5-9). The inclinometers have the filter of the accelerometers.
+// differ from the datasheet's (Tables 5-3 to 5-9). The filter of the inclinometers is of first order, with their own
+// 17 Hz. Their nonlinearity, and the growth of their noise by 35 % towards 1 g (Table 5-8, note 5), are left out.
 //
 // One setting is stored and reported, but has no effect: the gyros' units "delayed". A real unit then delays the
 // gyros by 4 ms to align them with the accelerometers (section 7.5.2.2.1). Here both are aligned already.
@@ -165,7 +166,9 @@ class Stim300Device final : public Device {
       const auto axis = static_cast<int>(i);
       filters.gyro.cut_off_hz[axis] = filters_hz[memory_.active.filters[gyro][i]];
       filters.accelerometer.cut_off_hz[axis] = filters_hz[memory_.active.filters[accelerometer][i]];
+      filters.inclinometer.cut_off_hz[axis] = inclinometer_filters_hz[memory_.active.filters[inclinometer][i]];
     }
+    filters.inclinometer.order = 1;
     return filters;
   }
 

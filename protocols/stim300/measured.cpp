@@ -49,14 +49,16 @@ void Measured::add(const Sample& sample, bool is_starting, const Matrix3& g_sens
     axes_[cluster].add(value + memory.trim[cluster], step + dt * memory.trim[cluster], bits);
   };
   const Vector3 f = sample.specific_force / units::standard_gravity;
-  const Vector3 level = f.cwiseMax(-inclinometer_end_g).cwiseMin(inclinometer_end_g);
+  const Vector3 level = (sample.inclination.value_or(sample.specific_force) / units::standard_gravity)
+                            .cwiseMax(-inclinometer_end_g)
+                            .cwiseMin(inclinometer_end_g);
   const Vector3 bias = g_compensation(memory.active, g_sensitivity, {f, level});
   put(gyro, (sample.rate - bias) / units::degree, (sample.delta_angle - bias / internal_hz) / units::degree,
       sample.status & 7U);
   put(accelerometer, f, sample.delta_velocity / units::standard_gravity,
       sample.status / status::accelerometer_saturated_x & 7U);
-  unsigned tilted = 0;
-  for (int i = 0; i < 3; ++i) tilted |= std::abs(f[i]) >= inclinometer_overload_g ? 1U << i : 0U;
+  unsigned tilted = sample.status / status::inclinometer_saturated_x & 7U;
+  for (int i = 0; i < 3; ++i) tilted |= std::abs(level[i]) >= inclinometer_overload_g ? 1U << i : 0U;
   put(inclinometer, level, level / internal_hz, tilted);
 }
 

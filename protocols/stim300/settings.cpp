@@ -55,7 +55,9 @@ void check(const Settings& settings) {
 }
 
 // Angular random walk 0.15 deg/sqrt(h), velocity random walk 0.06 m/s/sqrt(h) (10 g; Table 5-3, 5-5). An
-// accelerometer saturates at its overload limit; the datasheet states this for 80 g (Tables 5-4 to 5-7, note 1).
+// accelerometer saturates at its overload limit; the datasheet states this for 80 g (Tables 5-4 to 5-7, note 1). An
+// inclinometer measures beyond its overload limit, to the end of its format, as frames of real units show; its
+// velocity random walk is 0.08 m/s/sqrt(h) at 0 g (Table 5-8).
 Product product(const Settings& settings) {
   const auto white = [](double per_root_hour) { return per_root_hour / 60 * std::sqrt(internal_hz); };
   Product product;
@@ -66,6 +68,10 @@ Product product(const Settings& settings) {
   product.accelerometer.max = range_of(configuration(settings)).overload_g * units::standard_gravity;
   product.accelerometer.walk_transition.setZero();
   product.accelerometer.walk_sqrt_cov = white(0.06) * Matrix3::Identity();
+  TriadErrors& inclinometer = product.inclinometer.emplace();
+  inclinometer.max = inclinometer_end_g * units::standard_gravity;
+  inclinometer.walk_transition.setZero();
+  inclinometer.walk_sqrt_cov = white(0.08) * Matrix3::Identity();
   return product;
 }
 

@@ -29,6 +29,9 @@ inline constexpr double internal_hz = 2000;
 inline constexpr std::array<unsigned, 5> sample_rates = {125, 250, 500, 1000, 2000};
 inline constexpr std::array<unsigned, 4> bit_rates = {374400, 460800, 921600, 1843200};
 inline constexpr std::array<unsigned, 5> filters_hz = {16, 33, 66, 131, 262};
+// The -3 dB frequencies of the inclinometers at these settings. Their own response, of first order, ends at 17 Hz
+// (Table 5-8); with 16 Hz it is 12.5 Hz for both together, read off figure 5-20.
+inline constexpr std::array<double, 5> inclinometer_filters_hz = {12.5, 17, 17, 17, 17};
 inline constexpr unsigned external_trigger = 5, user_defined = 15;
 
 // Returns the bit rate of the unit's UART that is nearest to `wanted` (Equation 13). `wanted`: bit/s, 1500 to

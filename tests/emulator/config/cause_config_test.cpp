@@ -48,6 +48,24 @@ class CauseConfig : public testing::Test {
       "gyro.bias = -1\ngyro.scale_factor = 0.6\n";
 };
 
+// A STIM300 has inclinometers, whose drawn errors a cause may share; with another unit a load finds no errors.
+TEST_F(CauseConfig, IsOfInclinometersToo) {
+  const std::string cause = "[[imu.cause]]\nname = \"stress\"\ninclinometer.scale_factor = 0.5\n";
+  EXPECT_NE(fault(cause).find("inclinometer: scale_factor of the x axis has no standard deviation to share"),
+            std::string::npos)
+      << fault(cause);
+  std::ofstream(path_) << "[truth]\nport = \"udp:127.0.0.1:9810\"\n[[imu]]\nprotocol = \"stim300\"\n"
+                          "port = \"pty:imu1\"\n"
+                       << cause;
+  const ImuModel stim300 = load_config(path_).imus.at(0).model;
+  EXPECT_EQ(stim300.causes.at(0).loads(Quantity::inclination).scale_factor, Vector3::Constant(0.5));
+  EXPECT_FALSE(stim300.causes.at(0).loads(Quantity::specific_force).is_on());
+  std::string sensors;
+  for (const DrawnTerms& drawn : drawn_terms(stim300, 1, "imu1"))
+    sensors += fmt::format("{}.{} ", drawn.sensor, drawn.layer);
+  EXPECT_NE(sensors.find("inclinometer.unit"), std::string::npos) << sensors;
+}
+
 TEST_F(CauseConfig, LoadsAreOfTheElementsOfTheirTerms) {
   const ImuModel m = model(two_causes_);
   ASSERT_EQ(m.causes.size(), 2U);

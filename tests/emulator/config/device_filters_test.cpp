@@ -115,17 +115,19 @@ class TurningUnit {
   std::uint64_t k_ = 0;
 };
 
-// Returns the gain and the phase, as a complex number, of rate and specific force at a frequency that divides the
-// sample rate `rate_hz`, from the last second of two.
-std::array<Complex, 2> response(TurningUnit& unit, int rate_hz, int hz) {
+// Returns the gain and the phase, as a complex number, of rate, specific force, and inclinometers if there are any,
+// at a frequency that divides the sample rate `rate_hz`, from the last second of two.
+std::array<Complex, 3> response(TurningUnit& unit, int rate_hz, int hz) {
   const auto sine = [&](double t) { return std::sin(2 * M_PI * hz * t); };
   const std::vector<Measurement> all = unit.run(sine, 2 * rate_hz);
   EXPECT_EQ(all.size(), 2 * static_cast<std::size_t>(rate_hz));
-  std::array<Complex, 2> sum = {};
+  std::array<Complex, 3> sum = {};
   for (std::size_t k = static_cast<std::size_t>(rate_hz); k < all.size(); ++k) {
     const double phase = 2 * M_PI * hz * static_cast<double>(k) / rate_hz;
     sum[0] += Complex(0, 2.0 / rate_hz) * std::polar(1.0, -phase) * all[k].sample.rate.x();
     sum[1] += Complex(0, 2.0 / rate_hz) * std::polar(1.0, -phase) * all[k].sample.specific_force.y();
+    const Vector3 inclination = all[k].sample.inclination.value_or(Vector3::Zero());
+    sum[2] += Complex(0, 2.0 / rate_hz) * std::polar(1.0, -phase) * inclination.y();
   }
   return sum;
 }
@@ -137,8 +139,7 @@ double delay(TurningUnit& unit, int rate_hz) {
 }
 
 constexpr const char* stim300_at_2000_hz[] = {"device.start_up=false", "device.sample_rate=2000",
-                                              "device.bit_rate=1843200", "device.inclination=false",
-                                              "device.temperature=false"};
+                                              "device.bit_rate=1843200", "device.temperature=false"};
 
 TurningUnit stim300(bool filters) {
   std::vector<std::string> assignments(std::begin(stim300_at_2000_hz), std::end(stim300_at_2000_hz));
@@ -153,22 +154,34 @@ SensorFilter low_pass(double hz) { return {.cut_off_hz = Vector3::Constant(hz)};
 TEST(DeviceFilters, OfAStim300HaveTheGainAndPhaseStated) {
   TurningUnit unit = stim300(true);
   EXPECT_EQ(unit.model().gyro.filter, low_pass(262));
-  const auto compare = [&](double gyro_hz, double force_hz) {
+  const auto of_inclinometers = [](double hz) {
+    return SensorFilter{.cut_off_hz = Vector3::Constant(hz), .order = 1};
+  };
+  EXPECT_EQ(unit.model().inclinometer.value().filter, of_inclinometers(17));
+  const auto compare = [&](double gyro_hz, double force_hz, double inclinometer_hz) {
+    const SensorFilter slow = of_inclinometers(inclinometer_hz);
     for (const int hz : {1, 16, 40, 100, 250, 500}) {
-      const std::array<Complex, 2> seen = response(unit, 2000, hz);
+      const std::array<Complex, 3> seen = response(unit, 2000, hz);
+      EXPECT_LT(std::abs(seen[2] - frequency_response(slow, 0, 2000, hz)), 2e-5) << inclinometer_hz << " " << hz;
       EXPECT_LT(std::abs(seen[0] - frequency_response(low_pass(gyro_hz), 0, 2000, hz)), 2e-6) << gyro_hz << " " << hz;
       EXPECT_LT(std::abs(seen[1] - frequency_response(low_pass(force_hz), 0, 2000, hz)), 2e-5) << force_hz << hz;
     }
     EXPECT_NEAR(delay(unit, 2000), group_delay_s(low_pass(gyro_hz), 0, 2000), 3e-6);
   };
-  compare(262, 262);
-  // The host chooses 16 Hz for the gyros, and 66 Hz for the accelerometers.
+  compare(262, 262, 17);
+  // The host chooses 16 Hz for the gyros, and 66 Hz for the accelerometers; the inclinometers are slower than most.
   unit.command("SERVICEMODE\r");
   unit.command("f 0,g\r");
   unit.command("f 2,a\r");
+  unit.command("f 2,i\r");
   unit.command("x N\r");
   unit.run([](double) { return 0.0; }, 2000);  // leaves Service Mode
-  compare(16, 66);
+  compare(16, 66, 17);
+  unit.command("SERVICEMODE\r");
+  unit.command("f 0,i\r");
+  unit.command("x N\r");
+  unit.run([](double) { return 0.0; }, 2000);
+  compare(16, 66, 12.5);
 }
 
 // Register 85: the windows of magnetometer, accelerometer, gyro, temperature and pressure, then their modes.
@@ -227,9 +240,11 @@ TEST(DeviceFilters, OfADroneCanNodeAreThoseOfApPeriph) {
     TurningUnit unit("dronecan", keys);
     const SensorFilter filter = is_filtered ? low_pass(20) : SensorFilter();
     EXPECT_EQ(unit.model().gyro.filter, filter);
-    for (const int hz : {1, 10, 20, 50, 100})
-      for (const Complex& seen : response(unit, 1000, hz))
-        EXPECT_LT(std::abs(seen - frequency_response(filter, 0, 1000, hz)), 2e-4) << is_filtered << " " << hz;
+    for (const int hz : {1, 10, 20, 50, 100}) {
+      const std::array<Complex, 3> seen = response(unit, 1000, hz);
+      for (const Complex& one : {seen[0], seen[1]})
+        EXPECT_LT(std::abs(one - frequency_response(filter, 0, 1000, hz)), 2e-4) << is_filtered << " " << hz;
+    }
   }
 }
 

@@ -203,6 +203,41 @@ TEST_F(PresetsTest, IdealSwitchesEveryErrorOff) {
   EXPECT_TRUE(model("vectornav", {"model=\"ideal\""}).magnetometer.walk_sqrt_cov.isZero(0.0));
 }
 
+// Table 5-8 of the STIM300's data sheet: 0.08 m/s/sqrt(h), 17 Hz, 500 ppm; 24 bits of 2^-22 g.
+TEST_F(PresetsTest, InclinometersAreOfProductsThatHaveThem) {
+  const TriadErrors of_preset = model("stim300", {}).inclinometer.value();
+  EXPECT_NEAR(of_preset.white_density.x(), 0.08 / 60, 1e-15);
+  EXPECT_TRUE(of_preset.walk_sqrt_cov.isZero(0.0));
+  EXPECT_GT(of_preset.bias_instability.x(), 0);
+  EXPECT_NEAR(of_preset.max, 2 * g, 1e-12);
+  EXPECT_EQ(of_preset.filter.cut_off_hz, Vector3::Constant(17));
+  EXPECT_NEAR(of_preset.unit_sigma.scale_factor.x(), 500e-6, 1e-18);
+  const TriadErrors white = model("stim300", {"model=\"white\""}).inclinometer.value();
+  EXPECT_NEAR(white.walk_sqrt_cov(1, 1), 0.08 / 60 * std::sqrt(2000), 1e-12);
+  EXPECT_TRUE(white.white_density.isZero(0.0));
+  EXPECT_EQ(model("stim300", {"model=\"adis16470\""}).inclinometer.value().walk_sqrt_cov, white.walk_sqrt_cov);
+  const TriadErrors ideal = model("stim300", {"model=\"ideal\""}).inclinometer.value();
+  EXPECT_TRUE(ideal.walk_sqrt_cov.isZero(0.0) && ideal.white_density.isZero(0.0) && !ideal.unit_sigma.is_on());
+  EXPECT_EQ(ideal.max, white.max);
+  const TriadErrors own = model("stim300", {"inclinometer.max_g=1.7", "inclinometer.bias_mg=3"}).inclinometer.value();
+  EXPECT_NEAR(own.max, 1.7 * g, 1e-12);
+  EXPECT_NEAR(own.bias.y(), 3e-3 * g, 1e-15);
+  EXPECT_EQ(own.white_density, of_preset.white_density);
+
+  const Config native = config("native", {"rate_hz=200", "model=\"stim300\""});
+  EXPECT_FALSE(native.imus.at(0).model.inclinometer);
+  EXPECT_FALSE(contains(native.resolved(), "inclinometer"));
+  EXPECT_TRUE(contains(config("stim300", {}).resolved(), "[imu.inclinometer]"));
+  try {
+    config("native", {"rate_hz=200", "model=\"stim300\"", "inclinometer.bias_mg=3"});
+    ADD_FAILURE() << "native has inclinometers";
+  } catch (const ConfigError& error) {
+    EXPECT_TRUE(contains(error.what(),
+                         "imu.0.inclinometer: needs inclinometers, which native does not have; these do: stim300"))
+        << error.what();
+  }
+}
+
 TEST_F(PresetsTest, AUsersFileIsAPreset) {
   const std::string path = folder_ / "mine.toml";
   const std::string key = "model=\"" + path + "\"";

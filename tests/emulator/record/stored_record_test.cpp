@@ -32,5 +32,23 @@ TEST_F(StoredRecord, RepeatsByteForByte) {
   }
 }
 
+// Made at commit d91d14ec, before the inclinometers of a STIM300 had errors of their own: `imud replay` of 0.1 s of
+// `imu-truth spiral`. They repeat what the accelerometers measure, unless the configuration gives them errors.
+TEST_F(StoredRecord, KeepsTheInclinometersOfItsTime) {
+  const std::string stored = IMUD_TEST_DATA "/emulator/record/stored/", record = stored + "stim300.pcapng";
+  const auto repeat = [&](const std::vector<std::string>& more) {
+    std::vector<std::string> words = {"replay", record,  record,
+                                      "--fast", "--set", "imu.stim.port=file:" + path("out")};
+    words.insert(words.end(), more.begin(), more.end());
+    const ProgramResult result = run_program("imud", words);
+    EXPECT_EQ(result.exit_code, 0) << result.errors;
+    return read_file(path("out"));
+  };
+  const std::string expected = read_file(stored + "stim300.bin");
+  ASSERT_GT(expected.size(), 700U);
+  EXPECT_TRUE(repeat({}) == expected);
+  EXPECT_FALSE(repeat({"--set", "imu.stim.inclinometer.bias_mg=1"}) == expected);
+}
+
 }  // namespace
 }  // namespace imud

@@ -73,6 +73,25 @@ TEST(Stim300GCompensation, KnowsOnlyWhatItsSourceMeasures) {
   expect_near(unit.rate_at(f), Vector3(5 * per_g - 2 * (per_g - left_per_g), 0, 0), half_lsb);
 }
 
+// The inclinometers' own value is the source, whatever the accelerometers measure, and is filtered as their value is.
+TEST(Stim300GCompensation, UsesTheInclinometersThemselves) {
+  AcceleratedUnit unit;
+  const Vector3 f = g * Vector3(1, 0.5, 0), level = g * Vector3(0.25, -0.5, 0);
+  unit.sample.inclination = level;
+  const double known = per_g - left_per_g;
+  unit.configure("g 5");
+  expect_near(unit.rate_at(f), unit.figures.g_sensitivity * f - known / g * level, half_lsb);
+  unit.configure("g 3");
+  expect_near(unit.rate_at(f), left_per_g / g * f, half_lsb);
+  AcceleratedUnit filtered;
+  filtered.configure("g 6,5");
+  filtered.sample.inclination = Vector3::Zero();
+  filtered.rate_at(f);
+  filtered.sample.inclination = level;
+  const double passed = 1 - std::exp(-2 * 3.14159265358979 * 5 * 60 / 2000.0);
+  expect_near(filtered.rate_at(f, 60), unit.figures.g_sensitivity * f - passed * known / g * level, half_lsb);
+}
+
 // Sums of the increments have it as the rates do.
 TEST(Stim300GCompensation, ActsOnIncrements) {
   AcceleratedUnit unit;

@@ -334,6 +334,45 @@ TEST(Stim300, TheInclinometerEndsWithItsFormat) {
   EXPECT_EQ((std::vector<std::byte>(datagram.begin() + 21, datagram.begin() + 31)), hex("79999a7fffff80000017"));
 }
 
+// Inclinometers are sensors beside the accelerometers, with their own status, trim and units.
+TEST(Stim300, TheInclinometersAreTheirOwn) {
+  Stim300Unit unit;
+  unit.sample.specific_force = Vector3(0.5, -0.5, 3) * units::standard_gravity;
+  unit.sample.inclination = Vector3(0.25, -0.25, 1.5) * units::standard_gravity;
+  const auto cluster = [&](std::size_t begin) {
+    const auto datagram = unit.run(4).at(1);  // the first may have the status of a sample before
+    return std::vector<std::byte>(datagram.begin() + static_cast<std::ptrdiff_t>(begin),
+                                  datagram.begin() + static_cast<std::ptrdiff_t>(begin + 10));
+  };
+  EXPECT_EQ(cluster(11), hex("040000fc000018000000"));  // 2^-19 g
+  EXPECT_EQ(cluster(21), hex("100000f0000060000000"));  // 2^-22 g
+  unit.sample.inclination = Vector3(0.25, -0.25, 1.9) * units::standard_gravity;
+  EXPECT_EQ(cluster(21), hex("100000f0000079999a14")) << "overload at 1.87 g";
+  unit.sample.inclination = Vector3(0.25, -0.25, 1.5) * units::standard_gravity;
+  unit.sample.status = 2U * status::inclinometer_saturated_x;
+  EXPECT_EQ(cluster(21), hex("100000f0000060000012")) << "overload of a range that ends before";
+  EXPECT_EQ(cluster(11), hex("040000fc000018000000"));
+  unit.sample.status = 0;
+  unit.send_line("SERVICEMODE");
+  unit.send_line("b 0.015625,i,x");
+  unit.send_line("x N");
+  EXPECT_EQ(cluster(21), hex("110000f0000060000000"));
+  EXPECT_EQ(cluster(11), hex("040000fc000018000000"));
+}
+
+// The newest sample that is compensated at the edge has its own inclinometers.
+TEST(Stim300, InclinometersFollowAnExternalTrigger) {
+  Stim300Unit unit("start_up=false,sample_rate=0,bit_rate=1843200");
+  unit.sample.inclination = Vector3(0.25, 0, 0) * units::standard_gravity;
+  unit.run(2);
+  unit.sample.inclination = Vector3(0.5, 0, 0) * units::standard_gravity;
+  unit.run(1);
+  unit.sample.inclination = Vector3(0.75, 0, 0) * units::standard_gravity;
+  unit.device->trigger(unit.now() + std::chrono::microseconds(400));
+  const auto datagram = unit.run(1).at(0);
+  EXPECT_EQ((std::vector<std::byte>(datagram.begin() + 21, datagram.begin() + 24)), hex("200000"));
+}
+
 // Section 12.
 TEST(Stim300, ThePartNumberIsThatOfItsAccelerometers) {
   for (const auto& [range, id] : {std::pair{"5", "84458"}, {"10", "84167"}, {"30", "84461"}, {"80", "84615"}}) {
