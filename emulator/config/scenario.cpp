@@ -37,6 +37,10 @@ bool is_record(const std::string& port) {
   return transport != nullptr && transport->is_record != nullptr;
 }
 
+std::string objection_of(const FaultConfig& fault, const ImuConfig& imu) {
+  return fault_objection(*fault.kind, fault.kind->targets[fault.target], *imu.protocol, imu.settings);
+}
+
 constexpr std::string_view needs_host =
     "needs clock = \"realtime\", or the replay of a record of --record, which has what the host has sent";
 
@@ -81,7 +85,7 @@ FaultConfig read_begun_fault(std::string_view text, std::size_t number, std::spa
                                 fault.kind->name));
   for (const ImuConfig& imu : imus)
     if (fault.acts_on(imu.name))
-      if (const std::string objection = fault_objection(*fault.kind, *imu.protocol, imu.settings); !objection.empty())
+      if (const std::string objection = objection_of(fault, imu); !objection.empty())
         wrong.push_back(fmt::format("{}: {}", imu.name, objection));
   return fault;
 }
@@ -123,7 +127,7 @@ void read_scenarios(TableReader& table, std::span<const std::string> scenarios, 
       if (kind == nullptr) return;
       for (const ImuConfig& imu : config.imus)
         if (imu.protocol != nullptr && config.faults.back().acts_on(imu.name))
-          if (const std::string objection = fault_objection(*kind, *imu.protocol, imu.settings); !objection.empty())
+          if (const std::string objection = objection_of(config.faults.back(), imu); !objection.empty())
             reader.fault("kind", fmt::format("{}: {}", imu.name, objection));
     });
     read_each(from, "expect", of_file, resolved_expectations, [&](TableReader& reader) {

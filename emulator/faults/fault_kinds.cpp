@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "emulator/faults/wire_faults.hpp"
+#include "emulator/plan/inclinometers.hpp"
 
 namespace imud {
 
@@ -26,7 +27,9 @@ const FaultKind* find_fault_kind(std::string_view name, std::string_view target)
   return nullptr;
 }
 
-std::string fault_objection(const FaultKind& kind, const Protocol& protocol, const Settings& settings) {
+std::string fault_objection(const FaultKind& kind, std::string_view target, const Protocol& protocol,
+                            const Settings& settings) {
+  if (target == "inclinometer") return inclinometer_objection(protocol, settings);
   if (kind.seam == FaultSeam::wire) return wire_fault_objection(kind, protocol, settings);
   if (!kind.needs_self_test || protocol.has_self_test) return {};
   std::string right;

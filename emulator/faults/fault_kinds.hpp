@@ -22,7 +22,8 @@ std::span<const FaultKind* const> fault_kinds() noexcept;
 // Returns the kind of that name that has the target; nullptr if there is none.
 const FaultKind* find_fault_kind(std::string_view name, std::string_view target) noexcept;
 
-// Returns why the product cannot have a fault of this kind, and which it can have; empty if it can.
-std::string fault_objection(const FaultKind& kind, const Protocol& protocol, const Settings& settings);
+// Returns why the product cannot have a fault of this kind on this target, and which it can have; empty if it can.
+std::string fault_objection(const FaultKind& kind, std::string_view target, const Protocol& protocol,
+                            const Settings& settings);
 
 }  // namespace imud

@@ -8,8 +8,9 @@
 namespace imud {
 namespace {
 
-constexpr std::string_view triads[] = {"gyro", "accelerometer", "magnetometer"};
-constexpr std::string_view all_sensors[] = {"gyro", "accelerometer", "magnetometer", "barometer", "temperature"};
+constexpr std::string_view triads[] = {"gyro", "accelerometer", "magnetometer", "inclinometer"};
+constexpr std::string_view all_sensors[] = {"gyro",         "accelerometer", "magnetometer",
+                                            "inclinometer", "barometer",     "temperature"};
 constexpr std::string_view gnss[] = {"gnss"};
 
 constexpr FaultParameter value_of(std::string_view meaning) {

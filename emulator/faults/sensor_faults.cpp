@@ -46,14 +46,21 @@ void SensorFaults::apply(std::span<const ActiveFault> faults, std::uint64_t k, d
       apply_to_gnss(fault, sample);
       continue;
     }
+    // The targets. Without inclinometers their place is taken by values that no fault changes.
+    const TriadErrors& inclinometer = model_.inclinometer ? *model_.inclinometer : model_.accelerometer;
+    Vector3 no_inclination = Vector3::Zero();
+    Vector3& inclination = sample.inclination ? *sample.inclination : no_inclination;
     Triad triads[] = {{&sample.rate, &sample.delta_angle, model_.gyro, white(model_.gyro), status::gyro_saturated_x},
                       {&sample.specific_force, &sample.delta_velocity, model_.accelerometer,
                        white(model_.accelerometer), status::accelerometer_saturated_x},
-                      {&sample.magnetic_field, nullptr, model_.magnetometer, white(model_.magnetometer), 0}};
-    const Vector3* const lasts[] = {&held.rate, &held.specific_force, &held.magnetic_field};
-    constexpr std::size_t magnetometer = 2, barometer = 3;  // targets
+                      {&sample.magnetic_field, nullptr, model_.magnetometer, white(model_.magnetometer), 0},
+                      {&inclination, nullptr, inclinometer, white(inclinometer), status::inclinometer_saturated_x}};
+    const Vector3* const lasts[] = {&held.rate, &held.specific_force, &held.magnetic_field, &held.inclination};
+    const bool has_field = sample.navigation.is_known || !sample.magnetic_field.isZero(0.0);
+    const bool is_measured[] = {true, true, has_field, sample.inclination.has_value()};
+    constexpr std::size_t magnetometer = 2, barometer = 4;
     if (fault.target < barometer) {
-      if (fault.target != magnetometer || sample.navigation.is_known || !sample.magnetic_field.isZero(0.0))
+      if (is_measured[fault.target])
         apply_to_triad(fault, k, step_s, *lasts[fault.target], triads[fault.target], sample);
     } else if (fault.target == barometer) {
       apply_to_number(fault, k, held.pressure, sample.pressure);
@@ -61,13 +68,14 @@ void SensorFaults::apply(std::span<const ActiveFault> faults, std::uint64_t k, d
     } else {
       const double before = sample.temperature_c;
       apply_to_number(fault, k, held.temperature_c, sample.temperature_c);
-      for (Triad& triad : std::span(triads).first(magnetometer)) {
+      for (Triad& triad : triads) {
+        if (&triad == &triads[magnetometer] || !is_measured[&triad - triads]) continue;
         const double a = before - triad.errors.reference_temperature_c;
         const double b = sample.temperature_c - triad.errors.reference_temperature_c;
         const Vector3 added_value = change(triad.errors.temperature_bias, a, b) +
                                     change(triad.errors.temperature_scale, a, b).cwiseProduct(*triad.value);
         if (added_value.isZero(0.0)) continue;
-        *triad.increment += step_s * added_value;
+        if (triad.increment != nullptr) *triad.increment += step_s * added_value;
         *triad.value += added_value;
         limit(triad, 7, sample, step_s);
       }

@@ -26,8 +26,9 @@ class SensorFaults {
 
   // Keeps the output of a sample on which no fault acts, for the next one.
   void remember(const Sample& sample) noexcept {
-    last_ = {sample.rate,     sample.specific_force, sample.magnetic_field,
-             sample.pressure, sample.temperature_c,  sample.fix()};
+    last_ = {
+        sample.rate,     sample.specific_force, sample.magnetic_field, sample.inclination.value_or(Vector3::Zero()),
+        sample.pressure, sample.temperature_c,  sample.fix()};
   }
   // Changes a sample. `k`: its number in its run; `step_s`: since the sample before, 0 for the first of a run.
   void apply(std::span<const ActiveFault> faults, std::uint64_t k, double step_s, Sample& sample) noexcept;
@@ -43,7 +44,8 @@ class SensorFaults {
   };
   // The output of the targets in a sample, for values that are stuck.
   struct Output {
-    Vector3 rate = Vector3::Zero(), specific_force = Vector3::Zero(), magnetic_field = Vector3::Zero();
+    Vector3 rate = Vector3::Zero(), specific_force = Vector3::Zero(), magnetic_field = Vector3::Zero(),
+            inclination = Vector3::Zero();
     double pressure = 0, temperature_c = 0;
     Navigation navigation;
   };

@@ -9,6 +9,7 @@ std::span<const KeyUnit> fault_units(std::string_view target) noexcept {
   } all[] = {{"gyro", key_units::rate},
              {"accelerometer", key_units::acceleration},
              {"magnetometer", key_units::magnetic_field},
+             {"inclinometer", key_units::acceleration},
              {"barometer", key_units::pressure},
              {"temperature", std::span(key_units::temperature).first(1)},
              {"gnss", std::span(key_units::length).first(1)}};

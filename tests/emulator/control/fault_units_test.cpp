@@ -15,7 +15,8 @@ Json units_of(const std::string& kind, const std::string& key) {
 
 TEST(FaultUnits, AParameterHasTheUnitOfEachTargetOrThatOfItsKey) {
   EXPECT_EQ(units_of("bias", "value"),
-            Json::parse(R"({"gyro": "rad_per_s", "accelerometer": "m_per_s2", "magnetometer": "t", "barometer": "pa",
+            Json::parse(R"({"gyro": "rad_per_s", "accelerometer": "m_per_s2", "magnetometer": "t",
+                            "inclinometer": "m_per_s2", "barometer": "pa",
                             "temperature": "c"})"));
   EXPECT_EQ(units_of("drift", "value")["gyro"], "rad_per_s_per_s");
   EXPECT_EQ(units_of("scale", "value"), Json::object()) << "a factor";

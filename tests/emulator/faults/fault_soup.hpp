@@ -40,11 +40,11 @@ class FaultSoup {
   double uniform(double from, double to) {
     return from + static_cast<double>(random_() >> 11U) * 0x1p-53 * (to - from);
   }
-  std::string imus_of(const FaultKind& kind) {
+  std::string imus_of(const FaultKind& kind, std::string_view target) {
     std::vector<std::string> all;
     for (const Target& one : targets_) {
       const bool can_be =
-          fault_objection(kind, *find_protocol(one.protocol), Settings(find_protocol(one.protocol)->settings))
+          fault_objection(kind, target, *find_protocol(one.protocol), Settings(find_protocol(one.protocol)->settings))
               .empty() &&
           (kind.name != "settings_lost" || !one.has_settings);
       if (can_be) all.push_back("\"" + one.imu + "\"");
@@ -60,7 +60,7 @@ class FaultSoup {
   }
   std::string fault(const FaultKind& kind, std::string_view target, double from_s) {
     const bool is_truth = kind.seam == FaultSeam::truth;
-    const std::string imus = is_truth ? std::string() : imus_of(kind);
+    const std::string imus = is_truth ? std::string() : imus_of(kind, target);
     if (!is_truth && imus.empty()) return {};
     const double for_s = uniform(0.01, 1);
     std::string text = fmt::format("[[fault]]\ntarget = \"{}\"\nkind = \"{}\"\nat_s = {}\n", target, kind.name,

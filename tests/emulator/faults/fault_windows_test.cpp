@@ -114,8 +114,8 @@ TEST_F(FaultWindows, OutsideTheBytesAreThoseOfTheRunWithout) {
     const std::vector<std::string> clean = run(units, "", window_run_s).sent[0];
     const Protocol& protocol = *find_protocol(is_can ? "dbc" : "native");
     for (const FaultKind* kind : fault_kinds()) {
-      if (!fault_objection(*kind, protocol, Settings(protocol.settings)).empty()) continue;
       for (const std::string_view target : kind->targets) {
+        if (!fault_objection(*kind, target, protocol, Settings(protocol.settings)).empty()) continue;
         const std::string name = fmt::format("{}.{}", target, kind->name);
         SCOPED_TRACE(fmt::format("{} on {}", name, protocol.name));
         ++rows;

@@ -98,10 +98,10 @@ TEST(SelfTestFaults, AnswersOfAMipUnit) {
 
 TEST(SelfTestFaults, OnlyOfProductsThatHaveOne) {
   const FaultKind& kind = *find_fault_kind("self_test_failed", "device");
-  EXPECT_EQ(fault_objection(kind, *find_protocol("native"), Settings()), "");
-  EXPECT_EQ(fault_objection(kind, *find_protocol("vectornav"), Settings()),
+  EXPECT_EQ(fault_objection(kind, "device", *find_protocol("native"), Settings()), "");
+  EXPECT_EQ(fault_objection(kind, "device", *find_protocol("vectornav"), Settings()),
             "vectornav reports no self test; these do: csv, dronecan, mip, native, sbg-can, stim300, xsens-can");
-  EXPECT_NE(fault_objection(*find_fault_kind("bus_off", "wire"), *find_protocol("native"), Settings()), "");
+  EXPECT_NE(fault_objection(*find_fault_kind("bus_off", "wire"), "wire", *find_protocol("native"), Settings()), "");
 }
 
 }  // namespace

@@ -223,6 +223,56 @@ TEST_F(SensorFaultsTest, ThroughTheBytesOfAProduct) {
   EXPECT_EQ(within, 500);
 }
 
+// Faults of inclinometers change their values alone, within the window; those of accelerometers leave them.
+TEST_F(SensorFaultsTest, OfInclinometersAreTheirOwn) {
+  const std::string errors = "model = \"white\"\n[imu.device]\nsample_rate = 500\nstart_up = false\n";
+  const Result clean = run("", "stim300", 1, errors);
+  const auto compare = [&](const Result& faulty, bool inclinometers_fail) {
+    ASSERT_GT(clean.measurements.size(), 2000U);
+    ASSERT_EQ(clean.measurements.size(), faulty.measurements.size());
+    std::size_t changed = 0;
+    for (std::size_t k = 0; k < clean.measurements.size(); ++k) {
+      const Sample &before = clean.measurements[k].sample, &after = faulty.measurements[k].sample;
+      const bool differs = inclinometers_fail ? *after.inclination != *before.inclination
+                                              : after.specific_force != before.specific_force;
+      const bool is_within = k >= first && k <= last;
+      EXPECT_TRUE(is_within || !differs) << k;
+      changed += differs ? 1U : 0U;
+      const bool other_is_same = inclinometers_fail ? after.specific_force == before.specific_force
+                                                    : *after.inclination == *before.inclination;
+      ASSERT_TRUE(other_is_same && after.rate == before.rate) << k;
+    }
+    EXPECT_GT(changed, 20U);
+  };
+  const std::string bias = "\nkind = \"bias\"\nvalue_mg = 50\n" + window;
+  const Result biased = run("[[fault]]\ntarget = \"inclinometer.x\"" + bias, "stim300", 1, errors);
+  for (std::size_t k = first; k <= last; ++k) {
+    const Vector3 added =
+        (*biased.measurements[k].sample.inclination - *clean.measurements[k].sample.inclination) / 9.80665;
+    ASSERT_LT((added - Vector3(0.05, 0, 0)).cwiseAbs().maxCoeff(), 1.1 * 0x1p-22) << k;
+  }
+  compare(run("[[fault]]\ntarget = \"accelerometer\"" + bias, "stim300", 1, errors), false);
+  std::size_t kinds = 0;
+  for (const FaultKind& kind : sensor_fault_kinds()) {
+    if (std::ranges::count(kind.targets, "inclinometer") == 0) continue;
+    SCOPED_TRACE(kind.name);
+    std::string fault = fmt::format("[[fault]]\ntarget = \"inclinometer\"\nkind = \"{}\"\n", kind.name);
+    for (const FaultParameter& parameter : kind.parameters)
+      fault += fmt::format("{} = {}\n", parameter.key, parameter.key == "value" ? 0.5 : 200);
+    const Result faulty = run(fault + window, "stim300", 1, errors);
+    compare(faulty, true);
+    constexpr std::size_t status_at = 30;  // of the datagram
+    if (kind.name == "saturation") {
+      EXPECT_EQ(faulty.frames[last].bytes[status_at] & 0x10, 0x10) << "overload";
+    }
+    EXPECT_EQ(clean.frames[last].bytes[status_at], 0);
+    ++kinds;
+  }
+  EXPECT_EQ(kinds, 13U);
+  EXPECT_EQ(fault_objection(sensor_fault_kinds()[0], "inclinometer", *find_protocol("native"), Settings()),
+            "needs inclinometers, which native does not have; these do: stim300");
+}
+
 // A bias far below half of the values' LSB is in increments that have an LSB of their own.
 TEST_F(SensorFaultsTest, IncrementsKeepTheirDigits) {
   const auto angles = [&](const std::string& own_lsb, const std::string& fault) {
@@ -247,7 +297,9 @@ TEST_F(SensorFaultsTest, EveryKindOfEveryTargetRuns) {
     for (const std::string_view target : kind.targets) {
       std::string text = fmt::format("[[fault]]\ntarget = \"{}\"\nkind = \"{}\"\n{}", target, kind.name, window);
       for (const FaultParameter& parameter : kind.parameters) text += fmt::format("{} = 1\n", parameter.key);
-      EXPECT_EQ(run(text).labels.size(), 1U) << text;
+      const bool has_inclinometers = target == "inclinometer";
+      const Result result = has_inclinometers ? run(text, "stim300", 1, "device.sample_rate = 500\n") : run(text);
+      EXPECT_EQ(result.labels.size(), 1U) << text;
       ++kinds;
     }
   EXPECT_GE(kinds, 50U);
