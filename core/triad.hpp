@@ -52,28 +52,6 @@ inline constexpr auto triad_effect_names = []<class... Effect>(std::tuple<Effect
   return std::array{Effect::name...};
 }(static_cast<TriadEffects*>(nullptr));
 
-// True for the effects of the memo.
-template <class Effect>
-inline constexpr bool is_of_memo = []<class... Memo>(std::tuple<Memo...>*) {
-  return (std::is_same_v<Effect, Memo> || ...);
-}(static_cast<std::tuple<ScaleFactor, Bias, GaussMarkov, AddErrors, ValueRounding, Saturation>*>(nullptr));
-
-// True for the effects that hardly any sensor has. Triad::apply<false>() leaves these effects out.
-template <class Effect>
-inline constexpr bool is_rare =
-    []<class... Rare>(std::tuple<Rare...>*) {
-      return (std::is_same_v<Effect, Rare> || ...);
-    }(static_cast<std::tuple<DeadZone, ThermalDrift, CrossSensitivity, PopcornNoise, QuantizationNoise, FirFilter>*>(
-        nullptr));
-
-// True for the effects that are constant while the power is on, and have no state.
-template <class Effect>
-inline constexpr bool is_constant =
-    []<class... Constant>(std::tuple<Constant...>*) {
-      return (std::is_same_v<Effect, Constant> || ...);
-    }(static_cast<std::tuple<Misalignment, ScaleFactor, Nonlinearity, TemperatureScale, Bias, TemperatureBias,
-                             AccelerationSensitivity, CrossSensitivity>*>(nullptr));
-
 // The three sensors. Does not allocate, lock or throw; not thread-safe.
 class Triad {
  public:
@@ -89,12 +67,12 @@ class Triad {
   [[gnu::always_inline]] void apply(TriadStep& step) noexcept {
     if (is_memos_)
       each([&step]<class Effect>(Effect & effect) __attribute__((always_inline)) {
-        if constexpr (is_of_memo<Effect>)
+        if constexpr (Effect::traits.is_of_memo)
           if (effect.is_on()) effect.apply(step);
       });
     else
       each([&step]<class Effect>(Effect & effect) __attribute__((always_inline)) {
-        if constexpr (Rare || !is_rare<Effect>)
+        if constexpr (Rare || !Effect::traits.is_rare)
           if (effect.is_on()) effect.apply(step);
       });
   }
@@ -127,7 +105,8 @@ class Triad {
   // sample on. Effects with a state have set_constants().
   void set_constants(const TriadErrors& errors, Quantity quantity) noexcept {
     each([&]<class Effect>(Effect& effect) {
-      if constexpr (is_constant<Effect>)
+      static_assert(!Effect::traits.is_constant || std::is_base_of_v<StatelessEffect, Effect>);
+      if constexpr (Effect::traits.is_constant)
         effect = Effect(errors, quantity, 0);
       else if constexpr (requires { effect.set_constants(errors); })
         effect.set_constants(errors);
@@ -152,8 +131,8 @@ class Triad {
     is_memos_ = true;
     has_rare_ = false;
     each([this]<class Effect>(Effect& effect) {
-      is_memos_ = is_memos_ && (is_of_memo<Effect> || !effect.is_on());
-      has_rare_ = has_rare_ || (is_rare<Effect> && effect.is_on());
+      is_memos_ = is_memos_ && (Effect::traits.is_of_memo || !effect.is_on());
+      has_rare_ = has_rare_ || (Effect::traits.is_rare && effect.is_on());
     });
   }
   template <class Visit>

@@ -15,6 +15,7 @@ namespace imud {
 class AccelerationSensitivity : public StatelessEffect {
  public:
   static constexpr std::string_view name = "acceleration sensitivity";
+  static constexpr EffectTraits traits = {.is_constant = true};
   AccelerationSensitivity(const TriadErrors& errors, Quantity, double)
       : linear_(errors.g_sensitivity),
         square_(errors.g_squared_sensitivity),

@@ -11,6 +11,7 @@ namespace imud {
 class AddErrors : public StatelessEffect {
  public:
   static constexpr std::string_view name = "sum of the errors";
+  static constexpr EffectTraits traits = {.is_of_memo = true};
   AddErrors(const TriadErrors&, Quantity, double) {}
   static bool is_on() noexcept { return true; }
   static void apply(TriadStep& step) noexcept {

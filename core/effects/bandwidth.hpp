@@ -22,6 +22,7 @@ namespace imud {
 class Bandwidth {
  public:
   static constexpr std::string_view name = "bandwidth";
+  static constexpr EffectTraits traits = {};
   Bandwidth(const TriadErrors& errors, Quantity, double period_s);
   bool is_on() const noexcept { return on_; }
   // The address of the step does not leave this function, so that the step need not be in memory where the filter is

@@ -11,6 +11,7 @@ namespace imud {
 class Bias : public StatelessEffect {
  public:
   static constexpr std::string_view name = "bias";
+  static constexpr EffectTraits traits = {.is_of_memo = true, .is_constant = true};
   Bias(const TriadErrors& errors, Quantity, double) : bias_(errors.bias) {}
   static bool is_on() noexcept { return true; }
   // Replaces b from the next sample on.

@@ -17,6 +17,7 @@ namespace imud {
 class ExponentiallyCorrelated {
  public:
   static constexpr std::string_view name = "exponentially correlated noise";
+  static constexpr EffectTraits traits = {};
   ExponentiallyCorrelated(const TriadErrors& errors, Quantity quantity, double period_s)
       : noise_(errors.correlated_sigma, errors.correlation_time, period_s, quantity),
         within_step_(quantity, Process::correlated_within_step) {

@@ -25,6 +25,7 @@ namespace imud {
 class Flicker {
  public:
   static constexpr std::string_view name = "bias instability";
+  static constexpr EffectTraits traits = {};
   static constexpr std::size_t max_octaves = 32;
   static constexpr double nodes = 16;  // the least number of nodes of a process in its correlation time
   Flicker(const TriadErrors& errors, Quantity quantity, double period_s);

@@ -14,6 +14,7 @@ namespace imud {
 class GaussMarkov {
  public:
   static constexpr std::string_view name = "Gauss-Markov process per sample";
+  static constexpr EffectTraits traits = {.is_of_memo = true};
   explicit GaussMarkov(const TriadErrors& errors, Quantity quantity, double = 0)
       : transition_(errors.walk_transition),
         sqrt_cov_(errors.walk_sqrt_cov),

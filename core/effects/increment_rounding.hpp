@@ -17,6 +17,7 @@ namespace imud {
 class IncrementRounding : public StatelessEffect {
  public:
   static constexpr std::string_view name = "rounding of the increments";
+  static constexpr EffectTraits traits = {};
   IncrementRounding(const TriadErrors& errors, Quantity, double) : lsb_(errors.increment_lsb) {}
   bool is_on() const noexcept { return lsb_ > 0.0; }
   void apply(TriadStep& step) noexcept {

@@ -12,6 +12,7 @@ namespace imud {
 class Misalignment : public StatelessEffect {
  public:
   static constexpr std::string_view name = "misalignment";
+  static constexpr EffectTraits traits = {.is_constant = true};
   Misalignment(const TriadErrors& errors, Quantity, double)
       : matrix_(errors.misalignment), on_(!errors.misalignment.isIdentity(0.0)) {}
   bool is_on() const noexcept { return on_; }

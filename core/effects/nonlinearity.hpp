@@ -14,6 +14,7 @@ namespace imud {
 class Nonlinearity : public StatelessEffect {
  public:
   static constexpr std::string_view name = "asymmetry and nonlinearity";
+  static constexpr EffectTraits traits = {.is_constant = true};
   Nonlinearity(const TriadErrors& errors, Quantity, double)
       : half_asymmetry_(0.5 * errors.scale_factor_asymmetry),
         quadratic_(errors.quadratic),

@@ -12,6 +12,7 @@ namespace imud {
 class Ramp : public StatelessEffect {
  public:
   static constexpr std::string_view name = "ramp";
+  static constexpr EffectTraits traits = {};
   Ramp(const TriadErrors& errors, Quantity, double) : slope_(errors.ramp), on_(!errors.ramp.isZero(0.0)) {}
   bool is_on() const noexcept { return on_; }
   void apply(TriadStep& step) const noexcept {

@@ -16,6 +16,7 @@ namespace imud {
 class RandomWalk {
  public:
   static constexpr std::string_view name = "random walk";
+  static constexpr EffectTraits traits = {};
   RandomWalk(const TriadErrors& errors, Quantity quantity, double period_s)
       : per_step_(errors.random_walk_density * std::sqrt(period_s)),
         on_(!errors.random_walk_density.isZero(0.0)),

@@ -24,6 +24,7 @@ inline bool limit_axis(const AxisLimits& range, int axis, double dt, Vector3& va
 class Saturation : public StatelessEffect {
  public:
   static constexpr std::string_view name = "saturation";
+  static constexpr EffectTraits traits = {.is_of_memo = true};
   Saturation(const TriadErrors& errors, Quantity, double)
       : limits_(errors.range()), free_(std::min(limits_.upper.minCoeff(), (-limits_.lower).minCoeff())) {}
   static bool is_on() noexcept { return true; }

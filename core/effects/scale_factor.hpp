@@ -11,6 +11,7 @@ namespace imud {
 class ScaleFactor : public StatelessEffect {
  public:
   static constexpr std::string_view name = "scale factor";
+  static constexpr EffectTraits traits = {.is_of_memo = true, .is_constant = true};
   ScaleFactor(const TriadErrors& errors, Quantity, double) : factor_(errors.scale_factor) {}
   static bool is_on() noexcept { return true; }
   void apply(TriadStep& step) const noexcept {

@@ -12,6 +12,7 @@ namespace imud {
 class TemperatureBias : public StatelessEffect {
  public:
   static constexpr std::string_view name = "bias by temperature";
+  static constexpr EffectTraits traits = {.is_constant = true};
   TemperatureBias(const TriadErrors& errors, Quantity, double)
       : coefficients_(errors.temperature_bias),
         reference_c_(errors.reference_temperature_c),

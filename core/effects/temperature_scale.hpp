@@ -13,6 +13,7 @@ namespace imud {
 class TemperatureScale : public StatelessEffect {
  public:
   static constexpr std::string_view name = "scale factor by temperature";
+  static constexpr EffectTraits traits = {.is_constant = true};
   TemperatureScale(const TriadErrors& errors, Quantity, double)
       : coefficients_(errors.temperature_scale),
         reference_c_(errors.reference_temperature_c),

@@ -15,8 +15,16 @@ struct Surroundings {
   double vibration_power = 1;   // of Vibration: the factor on its mean square
 };
 
+// The properties of an effect by which Triad chooses its calls.
+struct EffectTraits {
+  bool is_of_memo = false;   // the memo has the effect
+  bool is_rare = false;      // hardly any sensor has the effect: Triad::apply<false>() leaves it out
+  bool is_constant = false;  // it is constant while the power is on, and has no state: its parameters may be replaced
+};
+
 // TriadErrors defines the unit u. An effect is a class with
 //   static constexpr std::string_view name     from the table in core/README.md
+//   static constexpr EffectTraits traits
 //   Effect(const TriadErrors&, Quantity, double period_s)
 //   bool is_on() const noexcept
 //   void apply(TriadStep&) noexcept            called only if it is on

@@ -12,6 +12,7 @@ namespace imud {
 class TurnOnBias {
  public:
   static constexpr std::string_view name = "turn-on bias";
+  static constexpr EffectTraits traits = {};
   TurnOnBias(const TriadErrors& errors, Quantity quantity, double)
       : sigma_(errors.turn_on_bias), quantity_(quantity), on_(!errors.turn_on_bias.isZero(0.0)) {}
   bool is_on() const noexcept { return on_; }

@@ -38,6 +38,7 @@ constexpr double least_rounded_up(Rounding rounding) noexcept {
 class ValueRounding {
  public:
   static constexpr std::string_view name = "rounding";
+  static constexpr EffectTraits traits = {.is_of_memo = true};
   ValueRounding(const TriadErrors& errors, Quantity, double)
       : lsb_(errors.lsb),
         least_(least_rounded_up(errors.rounding)),

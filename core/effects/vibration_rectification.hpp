@@ -18,6 +18,7 @@ namespace imud {
 class VibrationRectification {
  public:
   static constexpr std::string_view name = "vibration rectification";
+  static constexpr EffectTraits traits = {};
   VibrationRectification(const TriadErrors& errors, Quantity, double period_s)
       : response_(errors.vibration_average > 0 ? 1 - elementary::exp(-period_s / errors.vibration_average) : 0) {
     set_constants(errors);

@@ -14,6 +14,7 @@ namespace imud {
 class WhiteNoise : public StatelessEffect {
  public:
   static constexpr std::string_view name = "white noise";
+  static constexpr EffectTraits traits = {};
   WhiteNoise(const TriadErrors& errors, Quantity quantity, double period_s)
       : sigma_(errors.white_density / std::sqrt(period_s)),
         on_(!errors.white_density.isZero(0.0)),

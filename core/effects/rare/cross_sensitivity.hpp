@@ -15,6 +15,7 @@ namespace imud {
 class CrossSensitivity : public StatelessEffect {
  public:
   static constexpr std::string_view name = "sensitivity to products of accelerations";
+  static constexpr EffectTraits traits = {.is_rare = true, .is_constant = true};
   CrossSensitivity(const TriadErrors& errors, Quantity, double)
       : products_(errors.cross_sensitivity), on_(!errors.cross_sensitivity.isZero(0.0)) {}
   bool is_on() const noexcept { return on_; }

@@ -13,6 +13,7 @@ namespace imud {
 class DeadZone : public StatelessEffect {
  public:
   static constexpr std::string_view name = "dead zone";
+  static constexpr EffectTraits traits = {.is_rare = true};
   DeadZone(const TriadErrors& errors, Quantity, double)
       : half_width_(errors.dead_zone), on_(!errors.dead_zone.isZero(0.0)) {}
   bool is_on() const noexcept { return on_; }

@@ -15,6 +15,7 @@ namespace imud {
 class FirFilter {
  public:
   static constexpr std::string_view name = "filter by taps";
+  static constexpr EffectTraits traits = {.is_rare = true};
   FirFilter(const TriadErrors& errors, Quantity, double)
       : taps_(errors.fir_taps), inputs_(taps_ != nullptr ? taps_->size() : 0, Vector3::Zero()) {}
   bool is_on() const noexcept { return !inputs_.empty(); }

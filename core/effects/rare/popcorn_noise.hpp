@@ -17,6 +17,7 @@ namespace imud {
 class PopcornNoise {
  public:
   static constexpr std::string_view name = "popcorn noise";
+  static constexpr EffectTraits traits = {.is_rare = true};
   PopcornNoise(const TriadErrors& errors, Quantity quantity, double period_s);
   bool is_on() const noexcept { return on_; }
   void apply(TriadStep& step) noexcept {

@@ -15,6 +15,7 @@ namespace imud {
 class QuantizationNoise {
  public:
   static constexpr std::string_view name = "quantization noise";
+  static constexpr EffectTraits traits = {.is_rare = true};
   QuantizationNoise(const TriadErrors& errors, Quantity quantity, double period_s)
       : rate_(errors.quantization_noise / period_s),
         on_(!errors.quantization_noise.isZero(0.0)),

@@ -15,6 +15,7 @@ namespace imud {
 class ThermalDrift {
  public:
   static constexpr std::string_view name = "bias by the course of the temperature";
+  static constexpr EffectTraits traits = {.is_rare = true};
   ThermalDrift(const TriadErrors& errors, Quantity, double) : width_c_(errors.temperature_hysteresis_c) {
     set_constants(errors);
   }
