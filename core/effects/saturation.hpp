@@ -9,8 +9,8 @@
 
 namespace imud {
 
-// Limits an axis of `value` to the range, and the increment over `dt` with it. Returns true if the value was
-// outside of the range.
+// Limits an axis of `value` to the range, and the increment over `dt` with it. Returns true if the value was not
+// within the range. NaN is within no range: the value stays NaN, and so becomes the increment.
 inline bool limit_axis(const AxisLimits& range, int axis, double dt, Vector3& value, Vector3& increment) noexcept {
   const double limited = std::clamp(value[axis], range.lower[axis], range.upper[axis]);
   if (limited == value[axis]) return false;

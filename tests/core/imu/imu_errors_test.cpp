@@ -200,6 +200,17 @@ TEST(Saturation, HasLimitsOfEachAxisAndDirection) {
   EXPECT_EQ(samples_of(errors, {{0, 0, 0.5}, {0, 0, 1.5}})[1].delta_angle.z(), 1.0 * 0.01);
 }
 
+// No finite truth leads to NaN. Where it occurs none the less, the sample says that it is no measurement.
+TEST(Saturation, NanIsWithinNoRange) {
+  Vector3 value(std::numeric_limits<double>::quiet_NaN(), 0.5, 0), increment(0.01, 0.005, 0);
+  const AxisLimits range{Vector3::Constant(-1), Vector3::Constant(1)};
+  EXPECT_TRUE(limit_axis(range, 0, 0.01, value, increment));
+  EXPECT_TRUE(std::isnan(value[0]) && std::isnan(increment[0]));
+  EXPECT_FALSE(limit_axis(range, 1, 0.01, value, increment));
+  EXPECT_EQ(value[1], 0.5);
+  EXPECT_EQ(increment[1], 0.005);
+}
+
 // The scale factor acts on the truth only: bias and noise have the configured values.
 TEST(ScaleFactor, ActsOnTheTruthAlone) {
   TriadErrors errors;
