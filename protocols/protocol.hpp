@@ -249,10 +249,10 @@ struct Protocol {
   // configuration, not a device.
   void (*check)(const Settings& settings, double rate_hz) = nullptr;
 
-  // Every entry has both. They throw std::invalid_argument if the settings exclude one another; the message gives the
-  // remedy.
-  std::unique_ptr<Device> (*make)(const Settings& settings) = nullptr;
-  std::unique_ptr<Decoder> (*make_decoder)(const Settings& settings) = nullptr;
+  // Every entry of the table has both. They throw std::invalid_argument if the settings exclude one another; the
+  // message gives the remedy. They have no default, so that an entry that omits one does not compile.
+  std::unique_ptr<Device> (*make)(const Settings& settings);
+  std::unique_ptr<Decoder> (*make_decoder)(const Settings& settings);
 };
 
 // Returns the seal of a unit with these settings; nullptr if no frame of the unit has a check. Throws as make

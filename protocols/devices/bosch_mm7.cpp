@@ -155,6 +155,8 @@ extern constexpr Protocol bosch_mm7_protocol = signal_protocol<bosch_mm7_table_o
     .has_checksum = true,
     .burst_bits = 6,
     .make_seal = seal_by<reseal>,
+    .make = by_table,
+    .make_decoder = by_table,
 });
 
 }  // namespace imud

@@ -262,6 +262,8 @@ extern constexpr Protocol sbg_can_protocol = signal_protocol<sbg_can_table>({
     .has_self_test = true,
     .preset = [](const Settings&) -> std::string_view { return "sbg-ellipse"; },
     .solves = [](const Settings&) { return Solves::place; },
+    .make = by_table,
+    .make_decoder = by_table,
 });
 
 }  // namespace imud

@@ -209,6 +209,8 @@ extern constexpr Protocol xsens_can_protocol = signal_protocol<xsens_can_table>(
     .has_self_test = true,
     .preset = [](const Settings&) -> std::string_view { return "mti-630"; },
     .solves = [](const Settings&) { return Solves::attitude; },
+    .make = by_table,
+    .make_decoder = by_table,
 });
 
 }  // namespace imud

@@ -3,6 +3,7 @@
 // else is here.
 #pragma once
 
+#include <cstddef>
 #include <memory>
 #include <vector>
 
@@ -59,6 +60,9 @@ Product product_of(const SignalProduct& product, const Settings& settings);
 // Returns the entries of Protocol::can_messages.
 std::vector<CanMessage> can_messages_of(const std::vector<SignalMessage>& messages, double rate_hz);
 inline std::vector<CanFilter> no_can_filters(const Settings&) { return {}; }
+
+// The value of Protocol::make and make_decoder in an entry that signal_protocol() completes.
+inline constexpr std::nullptr_t by_table = nullptr;
 
 // Completes `entry`, the Protocol of a product. `Choose` returns the product's table for the settings; `entry`
 // needs only the members that do not follow from the table. The name of `Choose` must be unique among all files.

@@ -133,6 +133,7 @@ extern constexpr Protocol mcap_log_format = {
     .document = "mcap.dev/spec, version 0",
     .settings = mcap_settings,
     .has_checksum = true,
+    .make = nullptr,  // only decoded
     .make_decoder = make_as<Decoder, McapDecoder>,
 };
 

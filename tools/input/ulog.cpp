@@ -163,6 +163,7 @@ extern constexpr Protocol ulog_log_format = {
     .link = Link::bytes,
     .document = "docs.px4.io, ULog File Format, version 1",
     .settings = ulog_settings,
+    .make = nullptr,  // only decoded
     .make_decoder = make_as<Decoder, UlogDecoder>,
 };
 

@@ -48,7 +48,8 @@ constexpr Protocol rows = {
     .name = "solution-rows",
     .summary = "the solution of each sample, within this process",
     .document = "",
-    .make = [](const Settings&) -> std::unique_ptr<Device> { return std::make_unique<RowDevice>(); }};
+    .make = [](const Settings&) -> std::unique_ptr<Device> { return std::make_unique<RowDevice>(); },
+    .make_decoder = nullptr};
 
 class RowPort final : public NoPort {
  public:

@@ -33,6 +33,8 @@ extern constexpr Protocol throwaway_can_protocol = signal_protocol<throwaway_can
     .range = {.rate = 32767 * rate_lsb, .specific_force = 32767 * force_lsb},
     .counter_bits = 8,
     .status_bits = 0,
+    .make = by_table,
+    .make_decoder = by_table,
 });
 
 }  // namespace imud
