@@ -86,7 +86,7 @@ struct Step {
     return {.event = {.type = is_mark ? Type::mark : Type::command,
                       .flags = static_cast<std::uint8_t>(command.kind),
                       .a = now.ns,
-                      .b = has_value(command.kind) ? std::bit_cast<std::int64_t>(command.value) : 0,
+                      .b = records_value(command.kind) ? std::bit_cast<std::int64_t>(command.value) : 0,
                       .c = is_mark ? 0 : static_cast<std::int64_t>(command.number)},
             .imu = command.imu,
             .content = content};
@@ -125,7 +125,7 @@ constexpr StepTraits traits_of(const RecordEvent& event) noexcept {
     case Type::mark:
       return {.has_polled_time = true};
     case Type::command:
-      return {.has_polled_time = !has_value(static_cast<Command::Kind>(event.flags))};
+      return {.has_polled_time = !records_value(static_cast<Command::Kind>(event.flags))};
     case Type::deadlines:
     case Type::begin:
     case Type::truth:

@@ -42,8 +42,10 @@ struct Command {
   std::array<char, longest_text> text = {};  // of a mark
 };
 
-// Returns false for commands that change a device's output, and have no value.
-constexpr bool has_value(Command::Kind kind) noexcept {
+// Returns true if the event of such a command in a record has Command::value, which kinds that do not use it leave 0.
+// The events of the other kinds have in its place when deadlines were polled last (RecordEvent::b): these kinds
+// change the output of a device, or are marks.
+constexpr bool records_value(Command::Kind kind) noexcept {
   using Kind = Command::Kind;
   switch (kind) {
     case Kind::mark:

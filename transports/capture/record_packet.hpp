@@ -57,8 +57,9 @@ struct RecordEvent {
     lost,           // a: number of packets that are missing here
     end,            // of the run. b: when deadlines were polled last
     command,        // a command changed the run. flags: Command::Kind; interface: the imu's own, or all_imus; a: host
-                    // time; b: its value, the bits of a double, or, if it has none, when deadlines were polled last;
-                    // c: its number. The next packet of this interface is the fault, TOML, if it begins one
+                    // time; b: the bits of its value, a double, or, if its kind records none, when deadlines were
+                    // polled last; c: its number. The next packet of this interface is the fault, TOML, if it begins
+                    // one
     mark,           // as command; the next packet of this interface is its text
   };
   static constexpr std::uint8_t is_live = 1;         // begin: truth was no capture
