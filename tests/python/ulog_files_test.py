@@ -81,6 +81,9 @@ class UlogFiles(RunTest):
         self.assertEqual(log.arrays["sensor_gyro"]["timestamp"].tolist(), [0, 2500])
         _, _, errors = self.decode("csv", "-", stdin=HEADER + "-1,,1,2,3,,,,,,,,,,,\n", exit_code=1)
         self.assertIn("1 of 1 measurements are before time 0", errors)
+        _, _, errors = self.decode("csv", "-", stdin=HEADER + ",,1,2,3,,,,,,,,,,,\n-1,,1,2,3,,,,,,,,,,,\n", exit_code=1)
+        self.assertIn("1 of 2 measurements carry no time, and are left out; right would be --rate-hz HZ; 1 of 2 measurements "
+                      "are before time 0", errors)
         _, errors = run("imu-decode", "csv", "-", "--rate-hz", 400, stdin=rows, exit_code=2)
         self.assertIn("--rate-hz: is for --mcap and --ulog, of which none is given", errors)
 
