@@ -17,7 +17,7 @@ namespace imud {
   return lanes(omega) * (lane_positions_ * omega) - omega.squaredNorm() * lanes(positions_.diagonal());
 }
 
-// Returns the derivative of the above with respect to time.
+// Returns the time derivative of centripetal().
 [[gnu::always_inline]] inline Lanes SizeEffect::centripetal_slope(const Vector3& omega,
                                                                   const Vector3& omega_dot) const noexcept {
   return lanes(omega_dot) * (lane_positions_ * omega) + lanes(omega) * (lane_positions_ * omega_dot) -

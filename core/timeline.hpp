@@ -218,7 +218,7 @@ class Timeline {
 
   Limits limits_;
   std::vector<Knot> knots_;  // ring
-  // The vehicle's states in the truth of a knot. A different `time` than the knot's means that its truth has none.
+  // The vehicle's states that came with a knot's truth. If `time` is not the knot's, that truth had no states.
   struct VehicleAt {
     TruthTime time = never;
     VehicleStates states;

@@ -75,7 +75,7 @@ class AttitudeFilter {
   // Returns the square of the innovation in units of its variance.
   double normalized_square(const Heading& heading) const noexcept;
   void update(const Heading& heading) noexcept;
-  // Turns the attitude about down by `angle`, rad, so that its heading is set. The error of the heading has then the
+  // Sets the heading: turns the attitude by `angle`, rad, about the down axis. The error of the heading then has the
   // variance `variance`, rad^2, above 0, and no correlation with the other states.
   void turn(double angle, double variance) noexcept;
   // Sets whether the direction of the specific force is used. Default: it is.

@@ -63,14 +63,14 @@ std::vector<SentFrames> sent_by_product(const ImuConfig& imu, std::uint8_t uart)
   return all;
 }
 
-// The mean of the frames of one identifier, with their own data.
+// The number of frames of one identifier, and the sums of their own bits and seconds on the wire.
 struct Typical {
   CanHeader can;
   double frames = 0, bits = 0, seconds = 0;
 };
 
-// Returns the mean for each identifier that the device sends with typical samples: with 100 samples, or, below 100
-// Hz, with the samples of a second.
+// Returns the sums for each identifier that the device sends in 100 periods of typical samples, but in no less than
+// 0.1 s and no more than 1 s.
 std::vector<Typical> typical_frames(const Transport& transport, const PortSpec& spec, const ImuConfig& imu) {
   std::vector<Typical> all;
   const Nanoseconds end = std::chrono::seconds(1) + nanoseconds(std::max(0.1, std::min(1.0, 100 / imu.rate_hz)));

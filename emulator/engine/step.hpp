@@ -57,8 +57,8 @@ struct Step {
   static Step start_samples(std::size_t imu) noexcept { return of(imu, {.type = Type::start_samples}); }
   // Slow imus integrate the truth up to `until`. No later sample may precede it.
   static Step advance(TruthTime until) noexcept { return {{.type = Type::advance, .a = until.ns}}; }
-  // The imu takes sample `k` of its grid: of the truth at `time`, or of a vehicle at rest. Its device receives it
-  // with the next `transmit`.
+  // The imu takes sample `k` of its grid. sample() reads the truth at `time`, rest_sample() assumes a vehicle at
+  // rest. The device receives the sample with the next `transmit`.
   static Step sample(std::size_t imu, std::uint64_t k, TruthTime time) noexcept {
     return of(imu, {.type = Type::sample, .a = time.ns, .c = static_cast<std::int64_t>(k)});
   }

@@ -14,7 +14,7 @@
 
 namespace imud {
 
-// An occurrence of a fault on an imu, or a fault of which there was none.
+// One occurrence of a fault on an imu, or a fault that never began there.
 struct FaultLabel {
   enum class State : std::uint8_t {
     acted,

@@ -1,4 +1,4 @@
-// Monitor: reports the events of a run in the log, and its figures there and in the file of `--quality`.
+// Monitor: writes a run's events to the log, and the run's figures to the log and the file of `--quality`.
 #pragma once
 
 #include <atomic>

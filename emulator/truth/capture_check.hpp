@@ -42,7 +42,7 @@ struct CaptureLength {
 // of order do not begin a run: one does whose time is back by more than a second, or ahead by a gap.
 CaptureLength capture_length(const Config& config);
 
-// Throws ConfigError with the faults of check_capture().
+// Throws ConfigError with the errors that check_capture() has found, if there are any.
 void refuse_late_faults(const Config& config);
 
 // A configuration with the capture that it is replayed on.

@@ -97,10 +97,10 @@ struct Object {
 inline constexpr std::size_t tpdos = 4, largest_mapping = 8, errors_kept = 8, parameter_groups = 4;
 inline constexpr std::size_t longest_text = 1024;  // bytes of an object of type text, and so of any object
 
-// The quantities with an object for each axis. The objects begin at 2100 (hexadecimal), 10 for each quantity; the
-// subindexes 1 to 3 are the axes.
-//   + 0: i16, in LSBs of + 3:1       + 2: f32, in SI
-//   + 1: i32, in LSBs of + 3:2       + 3: the LSBs in SI, f32
+// The objects of quantity q, a number from 0, are 21q0 to 21q3 (hexadecimal). The subindexes 1 to 3 of the first
+// three objects are the axes.
+//   21q0: i16, in LSBs of 21q3:1     21q2: f32, in SI
+//   21q1: i32, in LSBs of 21q3:2     21q3: the LSBs in SI, f32
 enum class Quantity : std::uint8_t { rate, specific_force, delta_angle, delta_velocity, magnetic_field };
 inline constexpr unsigned quantities = 5;
 inline constexpr std::uint16_t first_quantity = 0x2100;

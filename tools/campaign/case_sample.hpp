@@ -44,7 +44,7 @@ class CaseSample {
   std::size_t size() const noexcept { return cases_.size(); }
   // Returns the number; `absent` if the case lacks it.
   double number(std::size_t row, std::size_t figure, double absent) const noexcept;
-  // Returns the index of the value of an axis; the greatest index if the case lacks the axis.
+  // Returns the index of the case's value on an axis; UINT32_MAX if the case lacks the axis.
   std::uint32_t at(std::size_t row, std::size_t axis) const noexcept;
 
  private:

@@ -67,7 +67,7 @@ std::optional<Steps> steps_of(const Number& number, const Pairs& pairs) {
     found.mean = static_cast<double>(found.low) + count(found.high) / both;
     found.share = both / all;
   }
-  // A step without a change of the lowest byte belongs to a shorter number.
+  // If no step changes the lowest byte, the counter is the number without this byte.
   if (found.low == 0 || (found.low == found.high && (step & 0xFFU) == 0) || step > mask / 2 ||
       found.share < steady_share)
     return std::nullopt;

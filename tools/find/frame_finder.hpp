@@ -36,7 +36,7 @@ struct FoundCounter {
   bool is_counter() const noexcept { return !is_float && step == 1; }
 };
 
-// A number with a meaning.
+// A number of a frame that was recognised as a physical quantity.
 struct FoundField {
   std::size_t at = 0;  // byte
   FrameNumber type = {};
