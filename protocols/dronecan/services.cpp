@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "protocols/dronecan/settings.hpp"
 #include "protocols/wire/frame_writer.hpp"
 
 namespace imud::dronecan {
@@ -77,8 +78,8 @@ void put_data_type_info(const DataType* found, std::string_view name, Payload& r
   response.put_text(found != nullptr ? found->name : name);
 }
 
-constexpr std::array messages = {&node_status,    &global_time_sync, &allocation,      &solution,
-                                 &magnetic_field, &raw_imu,          &static_pressure, &static_temperature};
+// The messages beside the measurements (`streams`).
+constexpr std::array other_messages = {&node_status, &global_time_sync, &allocation};
 
 // Returns the data type of this name or, if `name` is empty, of this id and kind; nullptr if there is none.
 const DataType* find_type(std::string_view name, unsigned id, bool is_service) noexcept;
@@ -201,8 +202,10 @@ const DataType* find_type(std::string_view name, unsigned id, bool is_service) n
   };
   for (const Service& service : services)
     if (is_it(service.type)) return &service.type;
-  for (const DataType* message : messages)
+  for (const DataType* message : other_messages)
     if (is_it(*message)) return message;
+  for (const Stream& stream : streams)
+    if (is_it(*stream.type)) return stream.type;
   return nullptr;
 }
 

@@ -1,4 +1,8 @@
 // DroneCAN: services and parameters. Requests and responses are those that pydronecan encodes (at 08cda37).
+#include <fmt/format.h>
+
+#include "protocols/dronecan/services.hpp"
+#include "protocols/dronecan/settings.hpp"
 #include "tests/protocols/dronecan/dronecan_unit.hpp"
 
 namespace imud {
@@ -191,6 +195,18 @@ TEST(DroneCanServices, KnowsItsDataTypes) {
             "1E020AAA#70726F746F636F24 1E020AAA#6C2E706172616D04 1E020AAA#2E47657453657464")
       << "by name";
   EXPECT_EQ(unit.answer("1E02AA8A#611E00C5"), "1E020AAA#E477000000000085 1E020AAA#0000000000000065") << "not known";
+}
+
+// GetDataTypeInfo knows each message that the node sends, and a fault in its frames gets a right checksum.
+TEST(DroneCanServices, KnowsTheDataTypeOfEachMeasurement) {
+  ASSERT_EQ(dronecan::streams.size(), 7U);
+  for (const dronecan::Stream& stream : dronecan::streams) {
+    EXPECT_EQ(dronecan::find_message(stream.type->id), stream.type) << stream.type->name;
+    Unit unit;
+    const std::string request =
+        fmt::format("1E02AA8A#{:02X}{:02X}01C3", stream.type->id & 0xFF, stream.type->id >> 8);
+    EXPECT_GT(frames_in(unit.answer(request)), 2U) << stream.type->name << ": the name follows";
+  }
 }
 
 TEST(DroneCanServices, RefusesWhatItDoesNotHave) {
