@@ -3,6 +3,7 @@
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <array>
 #include <cerrno>
 #include <cstdio>
@@ -158,6 +159,14 @@ int decode(const Options& options, bool& running) {
   return report.keeps_all_limits() ? 0 : limit_broken;
 }
 
+// Throws if an option is given that has no effect beside --find-check, which decodes nothing.
+void require_only_find_options(const CLI::App& app) {
+  const std::vector<std::string> find_options = {"--find-check", "--turned", "--for", "--rate-hz"};
+  for (const CLI::Option* option : app.get_options())
+    if (option->count() > 0 && std::ranges::find(find_options, option->get_name()) == find_options.end())
+      throw CLI::ExcludesError("--find-check", option->get_name());
+}
+
 int execute(int argc, char** argv, bool& running) {
   CLI::App app(
       "Decodes any protocol from any port: prints measurement CSV, and at the end rate, jitter, gaps and\n"
@@ -173,10 +182,8 @@ int execute(int argc, char** argv, bool& running) {
   // CLI11 knows no choice between positional arguments and an option.
   app.get_option("PORT")->required(false);
   app.parse_complete_callback([&] {
-    if (!find.capture.empty() && !options.input.protocol.empty())
-      throw CLI::ExcludesError("--find-check", "PROTOCOL");
+    if (!find.capture.empty()) return require_only_find_options(app);
     if (options.fields && options.quiet) throw CLI::ExcludesError("--fields", "--quiet");
-    if (!find.capture.empty()) return;
     if (options.input.protocol.empty()) throw CLI::RequiredError("PROTOCOL");
     if (options.input.port.empty()) throw CLI::RequiredError("PORT");
     if (!options.quiet && ::isatty(STDOUT_FILENO) == 1) ProgressLine::hide_all();

@@ -46,6 +46,27 @@ TEST(FindCheck, RefusesWrongCommandLines) {
   const auto both = run_program("imu-decode", {"--find-check", "x.bin", "native", "file:x.bin"});
   EXPECT_EQ(both.exit_code, 2);
   EXPECT_TRUE(contains(both.errors, "PROTOCOL")) << both.errors;
+  const ScratchFolder folder;
+  const std::vector<std::string> of_decoding[] = {{"--npy", folder / "x.npy"},
+                                                  {"--json", folder / "x.json"},
+                                                  {"--require", "samples=1"},
+                                                  {"--config", "x.toml"},
+                                                  {"--set", "a=b"},
+                                                  {"--frame-file", "um7"},
+                                                  {"--truth", "x.rec"},
+                                                  {"--imu", "x"},
+                                                  {"--count", "1"},
+                                                  {"--ready-fd", "3"},
+                                                  {"--quiet"},
+                                                  {"--fields"}};
+  keep(folder / "rest.bin", raw(shipped_capture("um7", Handling::rest, 400).bytes));
+  for (const auto& more : of_decoding) {
+    std::vector<std::string> arguments = {"--find-check", folder / "rest.bin"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    const auto refused = run_program("imu-decode", arguments);
+    EXPECT_EQ(refused.exit_code, 2) << more.front();
+    EXPECT_TRUE(contains(refused.errors, "--find-check excludes " + more.front())) << refused.errors;
+  }
   EXPECT_EQ(run_program("imu-decode", {"--find-check", "can:vcan0"}).exit_code, 2);
   EXPECT_EQ(run_program("imu-decode", {"--find-check", "/no/such/file"}).exit_code, 2);
   const auto none = run_program("imu-decode", {"native"});
