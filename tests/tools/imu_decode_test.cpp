@@ -295,6 +295,7 @@ TEST(ImuDecode, WrongCommandLineIsReported) {
       {{"native", file, "--set", "fd=true"}, "fd"},
       {{"native", file, "--set", "fd"}, "right would be --set KEY=VALUE"},
       {{"native-can", "can:can0", "--set", "can_id=maybe"}, "can_id"},
+      {{"native", file, "--frame-file", "um7"}, "--frame-file is for protocol frame: native has no description"},
       {{"native", file, "--for", "nan"}, "--for"},
       {{"native", file, "--count", "0"}, "--count"},
       {{"native", file, "--require", "gap=0"}, "there is no figure gap; there are samples, gaps, missing, checksum"},

@@ -79,9 +79,13 @@ const Protocol& protocol_for(const DecodeOptions& options) {
     throw std::invalid_argument(fmt::format("there is no protocol '{}'; {}--help lists all", options.protocol,
                                             meant.empty() ? "" : fmt::format("did you mean '{}'? ", meant)));
   }
-  if (is_described(*protocol) &&
-      std::ranges::any_of(options.settings, [](const std::string& text) { return text.starts_with("frame_file="); }))
-    throw std::invalid_argument("frame_file: " + frame_file_refusal(*protocol));
+  if (std::ranges::any_of(options.settings,
+                          [](const std::string& text) { return text.starts_with("frame_file="); })) {
+    if (is_described(*protocol)) throw std::invalid_argument("frame_file: " + frame_file_refusal(*protocol));
+    if (std::ranges::none_of(protocol->settings, [](const Setting& one) { return one.key == "frame_file"; }))
+      throw std::invalid_argument(
+          fmt::format("--frame-file is for protocol frame: {} has no description", protocol->name));
+  }
   const std::string scheme = PortSpec::parse(options.port).scheme;
   const Transport* transport = find_transport(scheme);
   const bool wants_can = protocol->link == Link::can;
