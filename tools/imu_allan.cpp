@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cstdio>
 #include <limits>
 #include <string>
@@ -66,6 +67,18 @@ void check_outputs(Options& options, const OutputOptions& outputs) {
   if (const std::string fault = outputs.claim(files); !fault.empty()) throw std::invalid_argument(fault);
 }
 
+// Throws if the range of the fit has fewer averaging times than a fit needs.
+void require_fit_range(const AllanCurve& curve, const Options& options) {
+  const auto count = std::ranges::count_if(curve.points, [&](const AllanCurve::Point& point) {
+    return point.tau_s >= options.fit_from_s && point.tau_s <= options.fit_to_s;
+  });
+  if (count >= 2) return;
+  throw std::invalid_argument(
+      fmt::format("--fit-from, --fit-to: {} in this range; right would be two or more of {:.4g} s to {:.4g} s",
+                  count == 1 ? "1 averaging time lies" : "0 averaging times lie", curve.points.front().tau_s,
+                  curve.points.back().tau_s));
+}
+
 int analyse(Options& options, const OutputOptions& outputs, bool& running) {
   AllanReport report;
   report.protocol = options.input.source.protocol;
@@ -76,6 +89,9 @@ int analyse(Options& options, const OutputOptions& outputs, bool& running) {
   // computed later, at the recording's rate.
   if (!options.against.empty()) report.against = model_terms(options.against, 0);
   const AllanKind kind = kind_named(options.kind);
+  if (options.fit_from_s >= options.fit_to_s)
+    throw std::invalid_argument(fmt::format("--fit-from {} --fit-to {}: right would be a --fit-from below --fit-to",
+                                            options.fit_from_s, options.fit_to_s));
   for (const std::string& limits : options.limits)
     for (Requirement& limit : parse_requirements(limits)) report.required.push_back(std::move(limit));
   for (const Requirement& limit : report.required) report.seen(limit);
@@ -93,6 +109,7 @@ int analyse(Options& options, const OutputOptions& outputs, bool& running) {
     AllanReport::Axis axis{channel.number, {}, {}, channel.is_increment};
     axis.curve = allan_curve(kind, std::move(channel.values), report.recording.rate_hz, options.per_decade,
                              options.confidence);
+    require_fit_range(axis.curve, options);
     axis.fit = fit_allan_terms(axis.curve, options.fit_from_s, options.fit_to_s);
     report.axes.push_back(std::move(axis));
   }

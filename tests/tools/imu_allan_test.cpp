@@ -235,6 +235,14 @@ TEST(ImuAllan, BadInputIsAnErrorThatHasTheRemedy) {
       {{"native", file, "--require", "gyro.X<1"}, 2, "right would be an axis"},
       {{"native", file, "--require", "gyro.N"}, 2, "right would be FIGURE>=NUMBER"},
       {{"native", file, "--confidence", "1"}, 2, "--confidence"},
+      {{"native", file, "--fit-from", "10", "--fit-to", "1"}, 2, "right would be a --fit-from below --fit-to"},
+      {{"native", file, "--fit-from", "1", "--fit-to", "1"}, 2, "right would be a --fit-from below --fit-to"},
+      {{"npy", folder / "good.npy", "--rate-hz", "100", "--fit-from", "1e6", "--to-config", folder / "model.toml"},
+       2,
+       "--fit-from, --fit-to: 0 averaging times lie in this range; right would be two or more of 0.01 s to 0.32 s"},
+      {{"npy", folder / "good.npy", "--rate-hz", "100", "--fit-to", "0.01"},
+       2,
+       "1 averaging time lies in this range"},
       {{"native", file, "--per-decade", "0"}, 2, "--per-decade"},
       {{"native", file, "--rate-hz", "nan"}, 2, "--rate-hz"},
       {{"native"}, 2, "PORT"},
@@ -246,6 +254,7 @@ TEST(ImuAllan, BadInputIsAnErrorThatHasTheRemedy) {
     EXPECT_EQ(result.output, "");
   }
   EXPECT_EQ(read_file(folder / "good.npy"), npy_of(samples));
+  EXPECT_EQ(read_file(folder / "model.toml"), "");
 }
 
 // A sensor that does not move at all, or not between two LSB: no noise, and no term.
