@@ -151,7 +151,8 @@ int execute(int argc, char** argv, bool& running) {
       "differs; the plot has its curve");
   add(app, "--tolerance", options.tolerance_percent, "PERCENT",
       "difference of a term that --against allows, beside its confidence interval; default: 10")
-      ->check(number_check(0, 99));
+      ->check(number_check(0, 99))
+      ->needs("--against");
   OutputOptions outputs(app);
   outputs
       .add("--to-config", options.preset_path,

@@ -65,6 +65,14 @@ void add_recorded_input(CLI::App& app, RecordedInput& input) {
   add(app, "--max-missing", input.recording.largest_missing, "PERCENT",
       "largest percentage of samples that may be missing; default: 0.1")
       ->check(number_check(0, 100));
+  app.parse_complete_callback([&app, &input] {
+    if (!input.is_array()) {
+      if (app.count("--columns") > 0) throw CLI::RequiresError("--columns", "npy");
+      return;
+    }
+    for (const char* of_measurements : {"--set", "--frame-file", "--for", "--count", "--increments", "--max-missing"})
+      if (app.count(of_measurements) > 0) throw CLI::ExcludesError("npy", of_measurements);
+  });
 }
 
 StillRecording record(const RecordedInput& input, bool& running, std::string& ended_by) {

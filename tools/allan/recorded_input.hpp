@@ -22,7 +22,8 @@ struct RecordedInput {
   bool is_array() const noexcept { return source.protocol == "npy"; }
 };
 
-// Adds PROTOCOL, PORT and the options of a recording.
+// Adds PROTOCOL, PORT and the options of a recording. An option that has no effect on the kind of input that was
+// given is an error of the command line.
 void add_recorded_input(CLI::App& app, RecordedInput& input);
 
 // Receives as receive_all(), or reads the array. Sets `running` when the port is open, and `ended_by`. Reports
