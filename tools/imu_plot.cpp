@@ -92,6 +92,9 @@ void plot(const Options& options, bool& running) {
   check_data_path(samples_path, "time_s,");
   check_data_path(spectrum_path, "frequency_hz,");
   EmulatedRun run(options.run);
+  if (!options.solution_picture.empty() && !run.has_solution())
+    throw std::invalid_argument(
+        "--solution: the imu has no solution of its own; give it one with [imu.navigation] solution = \"filter\"");
   running = true;
   ProgressLine progress;
   const std::uint64_t runs = options.seeds + 2;

@@ -173,7 +173,8 @@ TEST_F(ImuPlot, DrawsTheSolutionOfAFilter) {
   const std::vector<std::string> more = {"--solution", folder_ / "solution.svg", "--seeds", "2"};
   write_config(unit + jump);
   const auto none = plot("run.svg", more);
-  EXPECT_EQ(none.exit_code, 1);
+  EXPECT_EQ(none.exit_code, 2);
+  EXPECT_EQ(content("run.svg"), "") << "the run has not begun";
   EXPECT_TRUE(contains(none.errors, "[imu.navigation] solution = \"filter\"")) << none.errors;
   write_config(unit + "solution = \"filter\"\naccept_after_s = 1\n" + jump);
   const auto result = plot("run.svg", more);

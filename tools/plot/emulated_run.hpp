@@ -31,13 +31,16 @@ class EmulatedRun {
 
   const std::string& name() const noexcept { return config_.imus.front().name; }
   std::uint64_t seed() const noexcept { return config_.seed; }
+  // Returns true if the imu computes a solution by a filter of its own.
+  bool has_solution() const noexcept { return config_.imus.front().navigator.is_on; }
 
   // Return the output with this seed, and without any error: the truth at the sensor's place, in its axes, samples
   // and format. Throw as Replay::run() does, and std::runtime_error if the output is no recording. The first run
   // reports warnings and remarks on standard error.
   StillRecording sent(std::uint64_t seed);
   StillRecording truth();
-  // Return the solution of each sample, with this seed and with the faults of the configuration, and the true one.
+  // Require has_solution(). Return the solution of each sample, with this seed and with the faults of the
+  // configuration, and the true one.
   std::vector<SolutionRow> solution(std::uint64_t seed);
   std::vector<SolutionRow> true_solution();
 

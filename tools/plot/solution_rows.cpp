@@ -18,7 +18,6 @@ std::array<double, 3> array_of(const Vector3& v) { return {v[0], v[1], v[2]}; }
 SolutionRow row_of(const Sample& sample) {
   const Navigation& place = sample.navigation;
   SolutionRow row = {.time_ns = sample.time.ns,
-                     .is_filter = sample.solution.has_value(),
                      .has_place = place.is_known,
                      .q_LP = {sample.q_LP.w(), sample.q_LP.x(), sample.q_LP.y(), sample.q_LP.z()},
                      .r_E = array_of(place.r_E),

@@ -14,7 +14,7 @@ namespace imud {
 // Plain numbers, as they pass from a device to its port in this process.
 struct SolutionRow {
   std::int64_t time_ns = 0;  // of the device's clock
-  bool is_filter = false, has_place = false;
+  bool has_place = false;
   std::uint16_t aids_used = 0, aids_rejected = 0;  // bits of namespace aid, when each was due last
   std::array<double, 4> q_LP{};                    // w, x, y, z; v_L = q_LP * v_P
   std::array<double, 3> r_E{}, v_L{};              // m, m/s; valid if has_place

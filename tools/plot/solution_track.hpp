@@ -39,8 +39,7 @@ struct SolutionTrack {
 };
 
 // Positions are relative to the first true place, along north, east and down at this place; times are relative to
-// the first sample. Throws std::runtime_error if solution and truth have different samples, or if no row comes
-// from a filter.
+// the first sample. Throws std::runtime_error if solution and truth have different samples.
 SolutionTrack compare_solutions(std::span<const SolutionRow> rows, std::span<const SolutionRow> truth);
 
 // Returns the data as CSV with a header: of at most `most_rows` samples at equal distances.
