@@ -316,6 +316,10 @@ TEST_F(ImuPlot, AWrongCommandLineIsAnErrorThatHasTheRemedy) {
       run_program("imu-plot", {folder_ / "imu.toml", folder_ / "no.pcap", "--plot", folder_ / "x.svg"});
   EXPECT_EQ(no_capture.exit_code, 1);
   EXPECT_TRUE(contains(no_capture.errors, "no.pcap")) << no_capture.errors;
+  const auto too_slow = plot("run.svg", {"--set", "imu.1.rate_hz=1"});
+  EXPECT_EQ(too_slow.exit_code, 1);
+  EXPECT_TRUE(contains(too_slow.errors, "imu-plot: 11 samples are too few; right would be at least 32\n"))
+      << too_slow.errors;
   const auto over_input = run_program("imu-plot", {folder_ / "x.plot.csv", "y.pcap", "--plot", folder_ / "x.svg"});
   EXPECT_EQ(over_input.exit_code, 2);
 }

@@ -12,8 +12,7 @@ namespace {
 void require_length(const StillRecording& recording) {
   if (recording.samples() >= shortest_recording) return;
   throw std::runtime_error(
-      fmt::format("{} samples are too few; right would be at least {}, and ten times the longest averaging time",
-                  recording.samples(), shortest_recording));
+      fmt::format("{} samples are too few; right would be at least {}", recording.samples(), shortest_recording));
 }
 
 }  // namespace
