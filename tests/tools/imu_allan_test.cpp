@@ -275,6 +275,27 @@ TEST(ImuAllan, ConstantDataHaveNoTerms) {
   }
   EXPECT_EQ(result["axes"]["gyro_z"]["adev"][0], 0);
   EXPECT_FALSE(result["axes"]["accel_z"]["N"]["si"].is_null());
+
+  // A picture has the other axes; without them there is none.
+  const auto draw = [&] {
+    return run_program("imu-allan", {"npy", folder / "array.npy", "--rate-hz", "100", "--plot", folder / "a.svg"});
+  };
+  samples[500].rate[2] = 3;
+  capture::write_file(folder / "array.npy", npy_of(samples));
+  const auto drawn = draw();
+  EXPECT_EQ(drawn.exit_code, 0);
+  EXPECT_EQ(drawn.errors, "");
+  const std::string picture = read_file(folder / "a.svg");
+  EXPECT_TRUE(contains(picture, "gyro_z") && contains(picture, "accel_x")) << picture.size();
+  EXPECT_FALSE(contains(picture, "gyro_x"));
+  for (Sample& sample : samples) sample.rate = sample.specific_force = {1, 2, 3};
+  capture::write_file(folder / "array.npy", npy_of(samples));
+  const auto none = draw();
+  EXPECT_EQ(none.exit_code, 1);
+  EXPECT_EQ(lines_of(none.errors).size(), 1U) << none.errors;
+  EXPECT_TRUE(
+      contains(none.errors, "--plot: no channel changes, and a logarithmic axis cannot show a deviation of 0"))
+      << none.errors;
 }
 
 TEST(ImuAllan, HelpAndVersion) {

@@ -275,6 +275,17 @@ TEST_F(ImuPlot, TheTruthMayPassTheSensorsFilters) {
   EXPECT_NEAR(filtered[1], 0.5 * units::degree, 1e-9);
 }
 
+// The errors are constant except for rounding.
+TEST_F(ImuPlot, ARunWithoutNoiseIsDrawnWithoutAWarning) {
+  write_config(
+      "port = \"pty:imu1\"\nprotocol = \"native\"\nrate_hz = 200\nmodel = \"ideal\"\ngyro.max_rad_per_s = 10\n"
+      "accelerometer.max_g = 10\ngyro.bias_rad_per_s = -0.001\naccelerometer.bias_m_per_s2 = [0.01, 0.02, -0.03]\n");
+  const auto result = plot("run.svg", {"--seeds", "2"});
+  EXPECT_EQ(result.exit_code, 0) << result.errors;
+  EXPECT_FALSE(contains(result.errors, "warning")) << result.errors;
+  EXPECT_EQ(lines_of(result.errors).size(), 1U) << result.errors;
+}
+
 TEST_F(ImuPlot, FilesOfOthersStay) {
   write_config(
       "port = \"pty:imu1\"\nprotocol = \"native\"\nrate_hz = 200\ngyro.max_rad_per_s = 10\naccelerometer.max_g = "

@@ -2,18 +2,31 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <stdexcept>
+
 #include "tools/gnuplot.hpp"
 
 namespace imud {
+namespace {
+
+// A channel that never changes has no deviation that a logarithmic axis could show.
+bool is_drawn(const AllanReport::Axis& axis) {
+  return std::ranges::any_of(axis.curve.points, [](const AllanCurve::Point& point) { return point.deviation > 0; });
+}
+
+}  // namespace
 
 std::string plot_commands(const AllanReport& report, const std::string& data, const std::string& picture) {
   std::size_t diagrams = 0;
   for (const bool is_rate : {true, false})
     for (const auto& axis : report.axes)
-      if (axis.is_rate() == is_rate) {
+      if (axis.is_rate() == is_rate && is_drawn(axis)) {
         ++diagrams;
         break;
       }
+  if (diagrams == 0)
+    throw std::runtime_error("--plot: no channel changes, and a logarithmic axis cannot show a deviation of 0");
   std::string text = terminal_commands(picture, 900, 520 * diagrams);
   text +=
       "set datafile separator ','\nset logscale xy\nset format '10^{%T}'\nset grid xtics ytics mxtics mytics\n"
@@ -30,7 +43,7 @@ std::string plot_commands(const AllanReport& report, const std::string& data, co
     std::size_t color = 0;
     for (std::size_t i = 0; i < report.axes.size(); ++i) {
       const auto& axis = report.axes[i];
-      if (axis.is_rate() != is_rate) continue;
+      if (axis.is_rate() != is_rate || !is_drawn(axis)) continue;
       const std::size_t column = 2 + report.csv_columns_per_axis() * i;
       const auto scaled = [&](std::size_t offset) { return fmt::format("(${}*{})", column + offset, unit.factor); };
       ++color;

@@ -138,7 +138,8 @@ std::string errors_chart(const Row& row) {
 std::string spectrum_chart(const Row& row) {
   // A channel without errors has no spectrum that a logarithmic axis could show.
   const bool has_errors = std::ranges::any_of(row.channel().density, [](double root) { return root > 0; });
-  return (has_errors ? "set logscale xy\nset yrange [*:*]\nset format '10^{%T}'\n" : "set yrange [-1:1]\n") +
+  // The range of the chart before it may be negative, which gnuplot cannot map to a logarithmic axis.
+  return (has_errors ? "set yrange [*:*]\nset logscale xy\nset format '10^{%T}'\n" : "set yrange [-1:1]\n") +
          fmt::format(
              "set xlabel '{}'\nset ylabel 'error in {}/sqrt(Hz)' noenhanced\nplot {} every ::1 using 1:(${}*{}) with "
              "lines linecolor 3 notitle\n",
