@@ -13,7 +13,8 @@
 namespace imud {
 
 // The truth at a measurement, without errors, by truth_columns(). The increments count from the measurement
-// before.
+// before. If only some measurements carry increments, they count from the one before that does, and are NaN in the
+// others.
 struct TrueRow {
   std::int64_t time_ns;  // of the sample, by the sensor's own clock
   TrueValues values;
@@ -22,5 +23,10 @@ struct TrueRow {
 // A port that decodes a device's frames. Within send() it calls `receive`, which must not throw, for each
 // measurement.
 std::unique_ptr<Port> decoding_port(const ImuConfig& imu, std::function<void(const Measurement&)> receive);
+// The same, but each measurement comes with the instant of its first frame, by `now`, which each send() calls. A
+// measurement may be complete only when the next one begins (CollectingDecoder).
+std::unique_ptr<Port> decoding_port(const ImuConfig& imu,
+                                    std::function<void(const Measurement&, std::int64_t instant)> receive,
+                                    std::function<std::int64_t()> now);
 
 }  // namespace imud

@@ -10,7 +10,8 @@ MadeRow::MadeRow(const MeasurementRow& row, std::uint64_t number) noexcept
     : hash(std::hash<std::string_view>()({reinterpret_cast<const char*>(&row), row_size(false)})),
       time_ns(row.time_ns),
       counter(row.counter),
-      sample(number) {}
+      sample(number),
+      has_increments((row.fields & (Measurement::delta_angle | Measurement::delta_velocity)) != 0) {}
 
 TrueRow no_truth() noexcept { return {MeasurementRow::no_time, {}}; }
 
@@ -34,9 +35,11 @@ TrueRow RowTruths::of(const MeasurementRow& row) noexcept {
   const std::size_t found = find(MadeRow(row, 0)), i = found < made_.size() ? found : next_;
   if (i >= made_.size() || made_[i].sample >= samples_.size()) return no_truth();
   next_ = i + 1;
-  const std::uint64_t last = made_[i].sample, first = i == 0 ? 0 : made_[i - 1].sample + 1;
+  std::size_t begin = i;  // the sums begin after the row before this one
+  while (begin > 0 && has_increments_ && !made_[begin - 1].has_increments) --begin;
+  const std::uint64_t last = made_[i].sample, first = begin == 0 ? 0 : made_[begin - 1].sample + 1;
   TrueRow truth = samples_[last];
-  const bool is_known = i > 0 || last == 0;
+  const bool is_known = (begin > 0 || last == 0) && made_[i].has_increments == has_increments_;
   truth.values.dtheta.fill(is_known ? 0 : TrueValues::none);
   truth.values.dvel = truth.values.dtheta;
   for (std::uint64_t k = first; k <= last; ++k)

@@ -1,6 +1,7 @@
 // RowTruths: finds the truth of an arrived measurement, although messages are lost, late or damaged.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <span>
@@ -17,6 +18,7 @@ struct MadeRow {
   std::int64_t time_ns = 0;
   std::uint64_t counter = 0;
   std::uint64_t sample = 0;  // its number among the samples of the sensor
+  bool has_increments = false;
 
   MadeRow(const MeasurementRow& row, std::uint64_t sample) noexcept;
 };
@@ -26,12 +28,14 @@ class RowTruths {
  public:
   // `samples`: the truth at each sample, with the increments since the sample before; it must outlive this.
   RowTruths(std::span<const TrueRow> samples, std::vector<MadeRow> made)
-      : samples_(samples), made_(std::move(made)) {}
+      : samples_(samples),
+        made_(std::move(made)),
+        has_increments_(std::ranges::any_of(made_, &MadeRow::has_increments)) {}
 
   // Returns the truth at the sample of the next arrived row. That row is identified by its bytes, or else by its time
   // and number. A damaged row without both is taken as the made row after its predecessor. True increments are sums
-  // since the made row before. They are NaN for the first made row if samples without a row precede it. All values
-  // are NaN if there is no such row.
+  // as in TrueRow, since made rows. They are NaN for the first made row if samples without a row precede it. All
+  // values are NaN if there is no such row.
   TrueRow of(const MeasurementRow& row) noexcept;
 
  private:
@@ -39,6 +43,7 @@ class RowTruths {
 
   const std::span<const TrueRow> samples_;
   const std::vector<MadeRow> made_;
+  const bool has_increments_;  // of a made row
   std::size_t next_ = 0;
 };
 

@@ -14,6 +14,8 @@ namespace imud {
 
 namespace {
 
+constexpr std::uint32_t any_increment = Measurement::delta_angle | Measurement::delta_velocity;
+
 TrueRow row_of(const Sample& sample, const Increments& increments) {
   const auto values = [](const Vector3& v) { return std::array{v[0], v[1], v[2]}; };
   return {sample.time.ns,
@@ -29,24 +31,22 @@ class TruthRows {
   // The next sample of the twin. If it was not awaited, it comes before the imu's frames that carry it.
   void on_truth(const Measurement& truth) {
     taken_ = std::max(taken_, ++received_);
-    newest_ = truth.sample;
+    Sample& sample = waiting_.emplace_back(truth.sample);
     // The truth of this sample has never come.
-    const bool is_unknown = (newest_.status & status::truth_extrapolated) != 0;
-    if (is_unknown) newest_.rate = newest_.specific_force = unknown;
+    if ((sample.status & status::truth_extrapolated) != 0)
+      sample.rate = sample.specific_force = sample.delta_angle = sample.delta_velocity = unknown;
     if (keeps_samples) {
       Increments own;
-      own.add(newest_);
-      if (is_unknown) own.delta_angle = own.delta_velocity = unknown;
-      samples.push_back(row_of(newest_, own));
+      own.add(sample);
+      samples.push_back(row_of(sample, own));
     }
-    increments_.add(newest_);
-    // The increments are not known, as the product may begin its sums at any sample before the first that it sends.
-    if (is_unknown || (rows.empty() && increments_.samples > 1))
-      increments_.delta_angle = increments_.delta_velocity = unknown;
     complete();
   }
-  void on_measurement() {
-    measured_.push_back(taken_);
+  // The number of samples up to the one whose frames are sent now.
+  std::int64_t taken() const noexcept { return taken_; }
+  // A measurement whose first frame was sent when taken() was `number`.
+  void on_measurement(const Measurement& measurement, std::int64_t number) {
+    measured_.push_back({number, (measurement.fields & any_increment) != 0});
     complete();
   }
 
@@ -54,19 +54,45 @@ class TruthRows {
   std::vector<TrueRow> rows, samples;
 
  private:
+  struct Measured {
+    std::int64_t number;
+    bool has_increments;
+  };
+
   // Makes the rows of the measurements whose twin has come.
   void complete() {
-    for (; !measured_.empty() && measured_.front() <= received_; measured_.pop_front()) {
-      rows.push_back(row_of(newest_, increments_));
-      increments_ = {};
+    for (; !measured_.empty() && measured_.front().number <= received_; measured_.pop_front()) {
+      for (; summed_ < measured_.front().number; ++summed_) {
+        newest_ = waiting_.front();
+        waiting_.pop_front();
+        increments_.add(newest_);
+      }
+      add_row(measured_.front().has_increments);
     }
+  }
+  void add_row(bool carries_increments) {
+    const bool is_first = carries_increments && !has_increments_;
+    has_increments_ |= carries_increments;
+    // The product may begin its sums at any sample before the first that it sends.
+    const bool is_begun = rows.empty() ? increments_.samples <= 1 : !is_first;
+    if (is_first)
+      for (TrueRow& row : rows) row = without_increments(row);
+    rows.push_back(row_of(newest_, increments_));
+    if (!is_begun || carries_increments != has_increments_) rows.back() = without_increments(rows.back());
+    if (carries_increments || !has_increments_) increments_ = {};
+  }
+  static TrueRow without_increments(TrueRow row) noexcept {
+    row.values.dtheta = row.values.dvel = TrueValues().dtheta;
+    return row;
   }
 
   inline static const Vector3 unknown = Vector3::Constant(std::numeric_limits<double>::quiet_NaN());
-  std::uint64_t taken_ = 0, received_ = 0;  // samples of the twin
-  std::deque<std::uint64_t> measured_;      // by taken_ at measurements that wait
+  std::int64_t taken_ = 0, received_ = 0, summed_ = 0;  // samples of the twin
+  std::deque<Sample> waiting_;                          // the received ones that are not summed
+  std::deque<Measured> measured_;                       // measurements that wait
   Sample newest_;
   Increments increments_;
+  bool has_increments_ = false;  // a measurement has carried increments
 };
 
 // Returns true if the fault changes frames that are made, or their transmission. Other faults act before frames are
@@ -78,10 +104,10 @@ bool acts_on_frames(const FaultConfig& fault) {
           std::find(std::begin(kinds), std::end(kinds), fault.kind->name) != std::end(kinds));
 }
 
-// Runs imus with their twins; calls on_truth(imu, measurement), on_measurement(imu, measurement), and, if it is
-// given, awaits_truth(imu).
-template <class OnTruth, class OnMeasurement>
-std::string run_with_twins(Config config, const TwinRun& run, const OnTruth& on_truth,
+// Runs imus with their twins; calls on_truth(imu, measurement), on_measurement(imu, measurement, number), where
+// `number` is taken(imu) at the first frame of the measurement, and, if it is given, awaits_truth(imu).
+template <class OnTruth, class Taken, class OnMeasurement>
+std::string run_with_twins(Config config, const TwinRun& run, const OnTruth& on_truth, const Taken& taken,
                            const OnMeasurement& on_measurement,
                            const std::function<void(std::size_t imu)>& awaits_truth = nullptr) {
   const std::vector<ImuConfig> imus = std::exchange(config.imus, {});
@@ -97,8 +123,10 @@ std::string run_with_twins(Config config, const TwinRun& run, const OnTruth& on_
     const std::size_t i = use.imu / 2;
     if (use.imu % 2 == 0)
       return decoding_port(config.imus[use.imu], [&on_truth, i](const Measurement& truth) { on_truth(i, truth); });
-    return decoding_port(config.imus[use.imu],
-                         [&on_measurement, i](const Measurement& one) { on_measurement(i, one); });
+    return decoding_port(
+        config.imus[use.imu],
+        [&on_measurement, i](const Measurement& one, std::int64_t number) { on_measurement(i, one, number); },
+        [&taken, i]() -> std::int64_t { return taken(i); });
   };
   if (!awaits_truth) return run(config, ports, nullptr);
   return run(config, ports, [&](std::size_t number) { awaits_truth(number / 2); });
@@ -122,7 +150,8 @@ RunTruth truth_of_run(const Config& config, const TwinRun& run,
   RunTruth truth;
   truth.cause = run_with_twins(
       without_faults(config), run, [&](std::size_t i, const Measurement& one) { rows[i].on_truth(one); },
-      [&](std::size_t i, const Measurement&) { rows[i].on_measurement(); },
+      [&](std::size_t i) { return rows[i].taken(); },
+      [&](std::size_t i, const Measurement& one, std::int64_t number) { rows[i].on_measurement(one, number); },
       [&](std::size_t i) { rows[i].await_truth(); });
   for (TruthRows& of_imu : rows) truth.imus.push_back({std::move(of_imu.rows), std::move(of_imu.samples)});
   return truth;
@@ -131,7 +160,8 @@ RunTruth truth_of_run(const Config& config, const TwinRun& run,
 std::vector<std::uint64_t> count_measurements(const Config& config, const TwinRun& run) {
   std::vector<std::uint64_t> counts(config.imus.size());
   run_with_twins(
-      config, run, [](std::size_t, const Measurement&) {}, [&](std::size_t i, const Measurement&) { ++counts[i]; });
+      config, run, [](std::size_t, const Measurement&) {}, [](std::size_t) { return 0; },
+      [&](std::size_t i, const Measurement&, std::int64_t) { ++counts[i]; });
   return counts;
 }
 
@@ -141,12 +171,13 @@ std::vector<std::vector<MadeRow>> made_rows(const Config& config, const TwinRun&
   for (FaultConfig& fault : only_made.faults)
     if (acts_on_frames(fault)) fault.imus.clear();  // the fault stays, so that the other faults keep their numbers
   std::vector<std::vector<MadeRow>> rows(config.imus.size());
-  std::vector<std::uint64_t> samples(config.imus.size());
+  std::vector<std::int64_t> samples(config.imus.size());
   run_with_twins(
       only_made, run, [&](std::size_t i, const Measurement&) { ++samples[i]; },
-      [&](std::size_t i, const Measurement& measurement) {
+      [&](std::size_t i) { return samples[i]; },
+      [&](std::size_t i, const Measurement& measurement, std::int64_t number) {
         rows[i].emplace_back(MeasurementRow(measurement, config.imus[i].protocol->absent_rates),
-                             std::max<std::uint64_t>(samples[i], 1) - 1);
+                             static_cast<std::uint64_t>(std::max<std::int64_t>(number, 1) - 1));
       });
   return rows;
 }

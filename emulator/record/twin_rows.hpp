@@ -29,8 +29,8 @@ struct RunTruth {
   std::string cause;  // why there may be no measurement
 };
 // Runs the imus and imus without errors, both without faults. Where a run has extrapolated or held motion, its truth
-// is the later truth for the same instant; NaN if none came. True increments are sums since the measurement before,
-// and NaN in the first one if samples that are not sent precede it.
+// is the later truth for the same instant; NaN if none came. True increments are sums as in
+// TrueRow, and NaN in the first one if samples that are not sent precede it.
 RunTruth truth_of_run(const Config& config, const TwinRun& run,
                       const std::function<bool(std::size_t imu)>& keeps_samples);
 

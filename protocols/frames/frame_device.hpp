@@ -14,6 +14,7 @@
 #include "protocols/frames/layout/frame_escape.hpp"
 #include "protocols/frames/layout/frame_fields.hpp"
 #include "protocols/frames/layout/message_layout.hpp"
+#include "protocols/measurements/collecting_decoder.hpp"
 #include "protocols/protocol.hpp"
 #include "protocols/wire/frame_search.hpp"
 
@@ -108,7 +109,7 @@ class FrameDevice final : public Device, private FrameHost::Unit {
 // carries are 0. Clocks and counters are unwrapped. If the stream has no counter of samples, the measurement has the
 // counter of a message. If it has no clock either, and all messages are sent with each sample, the measurement has
 // the counter of all messages.
-class FrameStreamDecoder final : public Decoder, public FieldDecoder {
+class FrameStreamDecoder final : public Decoder, public FieldDecoder, public CollectingDecoder {
  public:
   // `values`: the probable values of the unit's settings. Messages that are sent with these values are tried
   // first, because other messages may have the same constants.
@@ -116,6 +117,7 @@ class FrameStreamDecoder final : public Decoder, public FieldDecoder {
 
   void feed(const Frame& frame, MeasurementSink& sink) override;
   void finish(MeasurementSink& sink) override;
+  bool holds_measurement() const noexcept override { return found_ != 0; }
   std::span<const FrameKind> frame_kinds() const noexcept override { return kinds_; }
   void pass_frames_to(FrameReceiver* receiver) noexcept override { receiver_ = receiver; }
   void read_fields(const DecodedFrame& frame, std::span<FieldValue> values) const noexcept override {

@@ -7,6 +7,7 @@
 #include <optional>
 #include <vector>
 
+#include "protocols/measurements/collecting_decoder.hpp"
 #include "protocols/protocol.hpp"
 #include "protocols/signals/can_signals.hpp"
 
@@ -63,12 +64,13 @@ std::unique_ptr<FrameSeal> seal_of(std::vector<SignalMessage> messages);
 // measurement is complete with the last message of the table, or when the next sample begins. The bit of a vector
 // in Measurement::fields is set if all components that the messages carry are present; components that no message
 // carries are 0. Multiplexed signals keep their value until their next message.
-class SignalDecoder final : public Decoder {
+class SignalDecoder final : public Decoder, public CollectingDecoder {
  public:
   explicit SignalDecoder(std::vector<SignalMessage> messages);
 
   void feed(const Frame& frame, MeasurementSink& sink) override;
   void finish(MeasurementSink& sink) override;
+  bool holds_measurement() const noexcept override { return next_ != 0; }
 
  private:
   void begin() noexcept;

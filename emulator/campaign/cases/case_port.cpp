@@ -12,8 +12,12 @@ CasePort::CasePort(const ImuConfig& imu, std::function<void(std::string sha256)>
                    std::function<void(const Measurement&, DeviceTime)> receive)
     : is_can_(imu.protocol->link == Link::can),
       end_(std::move(end)),
-      decoder_(receive ? decoding_port(imu, [this, receive = std::move(receive)](
-                                                const Measurement& measurement) { receive(measurement, time_); })
+      decoder_(receive ? decoding_port(
+                             imu,
+                             [receive = std::move(receive)](const Measurement& measurement, std::int64_t ns) {
+                               receive(measurement, DeviceTime{ns});
+                             },
+                             [this] { return time_.ns; })
                        : nullptr) {}
 
 void CasePort::send(std::span<const Frame> frames) noexcept {

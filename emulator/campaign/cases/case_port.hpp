@@ -17,8 +17,8 @@ namespace imud {
 // commit() `end` receives their SHA-256. Opens nothing.
 class CasePort final : public NoPort {
  public:
-  // `receive`: receives the decoded measurements as for decoding_port(), each with the time of its frame; nullptr:
-  // nothing is decoded.
+  // `receive`: receives the decoded measurements as for decoding_port(), each with the time of its first frame;
+  // nullptr: nothing is decoded.
   CasePort(const ImuConfig& imu, std::function<void(std::string sha256)> end,
            std::function<void(const Measurement&, DeviceTime)> receive);
 
