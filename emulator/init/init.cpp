@@ -26,6 +26,7 @@
 #include "emulator/init/example.hpp"
 #include "emulator/init/init_questions.hpp"
 #include "emulator/init/simulators.hpp"
+#include "transports/file/output_path.hpp"
 #include "transports/port.hpp"
 
 namespace imud {
@@ -46,8 +47,9 @@ std::string command_of(const InitOptions& options) {
   return text;
 }
 
-// Writes the text to a file, which must not exist unless it may be replaced.
+// Writes the text to standard output, or to a file, which must not exist unless it may be replaced.
 void write(const std::string& path, const std::string& text, bool is_forced) {
+  if (is_standard_output(path)) return fmt::print("{}", text);
   const auto refuse = [&](int error) {
     throw OpenError(fmt::format("{}: {}{}", path, std::strerror(error),
                                 error == EEXIST ? "; --force replaces it, --output FILE takes another" : ""));
@@ -71,23 +73,32 @@ std::string borrowed_errors(const ChosenProduct& product) {
       model, product.unit);
 }
 
-// Prints the next steps for this choice.
+// Returns the file of the configuration as a word of a command.
+std::string file_word(const InitOptions& options) {
+  return is_standard_output(options.output) ? "FILE" : shell_word(options.output);
+}
+
+// Prints the next steps for this choice: to standard error if standard output has the configuration.
 void print_next(const InitOptions& options, const ChosenProduct& product, const ChosenTruth& truth) {
-  const std::string file = shell_word(options.output);
+  const std::string file = file_word(options);
+  std::FILE* const out = is_standard_output(options.output) ? stderr : stdout;
   const std::string unit = product.unit.empty() ? "" : " --set model=" + product.unit;
-  fmt::print("{} is written. Next:\n", options.output);
-  fmt::print("  imud check {}    # shows what the run would be\n", file);
-  fmt::print("  imud run {}    # until Ctrl-C\n", file);
+  if (out == stderr)
+    fmt::print(out, "Keep the configuration as FILE. Next:\n");
+  else
+    fmt::print("{} is written. Next:\n", options.output);
+  fmt::print(out, "  imud check {}    # shows what the run would be\n", file);
+  fmt::print(out, "  imud run {}    # until Ctrl-C\n", file);
   const Transport& port = *transport_of(options.port);
   // The client has the same address where there is a link, a file, or a receiver of datagrams.
   if (port.ends || port.makes_link || (port.keeps_datagrams && !port.has_path))
-    fmt::print("  imu-decode {} {}{}    # a client, {}\n", product.protocol->name, shell_word(options.port), unit,
-               port.ends ? "after the run" : "in another terminal");
+    fmt::print(out, "  imu-decode {} {}{}    # a client, {}\n", product.protocol->name, shell_word(options.port),
+               unit, port.ends ? "after the run" : "in another terminal");
   else
-    fmt::print("The flight computer is the client, at the other end of {}.\n", options.port);
-  fmt::print("{}", borrowed_errors(product));
-  if (!truth.remark.empty()) fmt::print("{}\n", truth.remark);
-  if (!truth.start.empty()) fmt::print("While imud runs, start: {}\n", truth.start);
+    fmt::print(out, "The flight computer is the client, at the other end of {}.\n", options.port);
+  fmt::print(out, "{}", borrowed_errors(product));
+  if (!truth.remark.empty()) fmt::print(out, "{}\n", truth.remark);
+  if (!truth.start.empty()) fmt::print(out, "While imud runs, start: {}\n", truth.start);
 }
 
 }  // namespace
@@ -172,7 +183,7 @@ const CLI::App* add_init_command(CLI::App& app, InitOptions& options) {
       fmt::format("{}; or a truth format of imud list, or a captured file", fmt::join(names, ", ")));
   add("--truth", options.truth, "PORT", "Another port for the truth than the simulator's usual one, or its number");
   add("--place", options.place, "LAT,LON,HEIGHT", "Where the simulation is, deg and m; the height may be left out");
-  add("--output", options.output, "FILE", "The file to write (imud.toml)");
+  add("--output", options.output, "FILE", "The file to write (imud.toml); - is standard output");
   command->add_flag("--force", options.is_forced, "Replace the file if it exists");
   return command;
 }
@@ -197,7 +208,7 @@ int init(InitOptions options) {
       "what "
       "the\n# configuration does; `imud help KEY` explains a key, `man imud.toml` all of them.\n\n"
       "# seed of all random numbers\n#seed = 1\n{}\n{}{}{}",
-      command_of(options), shell_word(options.output),
+      command_of(options), file_word(options),
       has_clock ? "" : "# what paces the samples (one of realtime, lockstep, fast)\n#clock = \"realtime\"\n",
       truth.toml, frame_of(options, truth, imu), imu);
   config_of_text(text);

@@ -16,19 +16,20 @@ namespace imud {
 struct InitOptions {
   std::string product;  // a protocol, or a product of one
   std::string port;
-  std::string from;   // choose_truth()
-  std::string truth;  // the port of the truth, or its number; empty: the simulator's own
-  std::string place;  // LATITUDE,LONGITUDE[,HEIGHT]; empty: none
-  std::string output = "imud.toml";
+  std::string from;                  // choose_truth()
+  std::string truth;                 // the port of the truth, or its number; empty: the simulator's own
+  std::string place;                 // LATITUDE,LONGITUDE[,HEIGHT]; empty: none
+  std::string output = "imud.toml";  // -: standard output
   bool is_forced = false;
 };
 
 // Adds the command with its options to the command line.
 const CLI::App* add_init_command(CLI::App& app, InitOptions& options);
 
-// Writes the configuration and prints what to do next. Asks if product, port or simulator is missing and standard
-// input and output are a terminal. Returns the exit code. Throws OpenError if something is missing or wrong,
-// PortError or ConfigError if `imud check` would refuse the configuration; nothing is written then.
+// Writes the configuration and prints what to do next, to standard error if the output is -, which is standard
+// output. Asks if product, port or simulator is missing and standard input and output are a terminal. Returns the
+// exit code. Throws OpenError if something is missing or wrong, PortError or ConfigError if `imud check` would refuse
+// the configuration; nothing is written then.
 int init(InitOptions options);
 
 // Returns the units that a protocol has as values of its setting `model`; empty if the protocol has only one unit.

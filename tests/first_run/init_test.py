@@ -170,6 +170,16 @@ class Options(InFolder):
         self.assertEqual(self.imud(*words, "--force").returncode, 0)
         self.assertEqual(self.imud("check").returncode, 0)
 
+    def test_standard_output(self):
+        words = ("init", "stim300", "--port", "pty:a", "--from", "imu-truth")
+        for name in ("-", "/dev/stdout"):
+            done = self.imud(*words, "--output", name)
+            self.assertEqual((done.returncode, list(self.folder.iterdir())), (0, []), done.stderr)
+            self.assertEqual(tomllib.loads(done.stdout)["imu"][0]["port"], "pty:a")
+            self.assertIn("\n  imud check FILE ", done.stderr)
+            self.assertIn("While imud runs, start: ", done.stderr)
+            self.assertNotRegex(done.stdout + done.stderr, r"check -|is written")
+
     def test_what_is_wrong_writes_nothing(self):
         for words, fault in (((), "PRODUCT, --port PORT, --from SIMULATOR are missing"),
                              (("stim300", "--port", "pty:a"), "--from SIMULATOR is missing"),
