@@ -19,13 +19,14 @@ std::optional<RecordedRun> record_of(const Config& config, bool repeats) {
   return std::optional<RecordedRun>(std::in_place, PortSpec::parse(config.truth.port), config);
 }
 
-// Returns whether a run may use several threads. A fifo would keep a thread waiting for another process, and a record
-// needs the packets of the truth.
+// Returns whether a run may use several threads. A fifo or standard input, also beside a file of the name -, would
+// keep a thread waiting for another process, and a record needs the packets of the truth.
 bool may_use_threads(const Config& config, const Assembly::Parts& parts) {
   if (config.clock != ClockMode::fast || parts.repeats || parts.sink.keeps() || !is_capture(config.truth.port))
     return false;
   std::error_code error;
-  return std::filesystem::is_regular_file(PortSpec::parse(config.truth.port).address, error);
+  const std::string address = PortSpec::parse(config.truth.port).address;
+  return address != "-" && std::filesystem::is_regular_file(address, error);
 }
 
 // Returns the configuration of a run that takes its truth from `ahead`.

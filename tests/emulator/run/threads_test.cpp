@@ -139,6 +139,14 @@ TEST_F(ThreadsTest, ARecordAndStandardInputAreOfOneThread) {
   EXPECT_GT(frames.size(), 100'000U);
   EXPECT_TRUE(frames_of({flight_file, "--threads", "3", "--record", path("r.pcapng")}, {}, false) == frames);
   EXPECT_TRUE(frames_of({"file:-", "--threads", "3"}, text, false) == frames);
+  // Also in a folder that has a file of the name -.
+  write("-", "");
+  const ProgramResult beside =
+      run_program("/usr/bin/env",
+                  {"-C", path("."), IMUD_BIN_DIR "/imud", "replay", c, "file:-", "--fast", "--threads", "3"}, text);
+  EXPECT_EQ(beside.exit_code, 0) << beside.errors;
+  EXPECT_FALSE(contains(beside.errors, " threads")) << beside.errors;
+  EXPECT_TRUE(read_file(path("out")) == frames);
 }
 
 // Packets to another port: a run must be able to stop before they end.
