@@ -232,6 +232,8 @@ int check(const std::string& path, std::span<const std::string> overrides, const
     Config config = load_config(path, overrides, options.capture, options.scenarios);
     make_parts(config, options);
     const CaptureFindings findings = check_capture(config);
+    if (!options.capture.empty() && !options.repeats && !findings.no_truth.empty())
+      throw ConfigError({findings.no_truth});
     if (!findings.faults.empty() && !options.repeats) throw ConfigError(findings.faults);
     config.warnings.insert(config.warnings.end(), findings.warnings.begin(), findings.warnings.end());
     if (epoch_of(config) != Epoch::none)

@@ -25,9 +25,9 @@ struct CheckOptions {
 };
 
 // Loads a configuration as `imud run` does, and makes all parts of the run on ports that are not opened. If the truth
-// is a capture, reads the begin of the capture (check_capture()). Prints the result in `options.layout`. Returns the
-// exit code. With the layout json, faults are printed; otherwise ConfigError, PortError or RequirementError is
-// thrown.
+// is a capture, reads the begin of the capture (check_capture()); an `options.capture` without truth is a fault.
+// Prints the result in `options.layout`. Returns the exit code. With the layout json, faults are printed; otherwise
+// ConfigError, PortError or RequirementError is thrown.
 int check(const std::string& path, std::span<const std::string> overrides, const CheckOptions& options);
 
 }  // namespace imud

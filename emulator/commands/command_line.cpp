@@ -215,8 +215,10 @@ int execute(int argc, const char* const* argv) {
       "them; {imu} in the name is the imu's");
   auto* check_command = app.add_subcommand("check", "List every fault of a configuration, or show what it would run");
   with_config(check_command, true);
-  check_command->add_option("CAPTURE", arguments.capture,
-                            "Check the replay of this capture: also whether each fault begins before it ends");
+  check_command->add_option(
+      "CAPTURE", arguments.capture,
+      "Check the replay of this capture: also whether it has truth, and whether each fault begins "
+      "before it ends");
   with_require(check_command);
   with_scenario(check_command);
   CheckLayout layout = CheckLayout::text;

@@ -6,9 +6,11 @@
 #include <algorithm>
 #include <array>
 #include <chrono>
+#include <filesystem>
 #include <memory>
 #include <optional>
 #include <string_view>
+#include <system_error>
 #include <utility>
 
 #include "core/timeline.hpp"
@@ -35,7 +37,8 @@ class Truths {
   std::optional<Truth> next() {
     for (Truth truth;;) {
       if (const auto result = decoder_->next(truth)) {
-        if (result != TruthResult::ok) continue;
+        if (*result != TruthResult::ok && *result != TruthResult::no_state) keep_refusal(*result);
+        if (*result != TruthResult::ok) continue;
         if (!stream_) stream_ = truth.stream;
         if (truth.stream == *stream_) return truth;
       } else if (const auto received = port_->receive()) {
@@ -49,13 +52,26 @@ class Truths {
       }
     }
   }
+  // Returns a colon and what the capture has in place of truth, after next() has returned nullopt; or an empty text.
+  std::string found_instead() const {
+    if (const std::string_view content = port_->other_content(); !content.empty())
+      return fmt::format(": {}", content);
+    return refusal_.empty() ? refusal_ : ": " + refusal_;
+  }
 
  private:
+  // Keeps the remark on the first record that is refused.
+  void keep_refusal(TruthResult result) {
+    std::array<char, 1024> text;
+    if (refusal_.empty()) refusal_.assign(text.data(), decoder_->describe(result, text));
+  }
+
   std::unique_ptr<Port> port_;
   std::unique_ptr<TruthDecoder> decoder_;
   std::optional<std::uint32_t> stream_;
   TruthInput input_ = TruthInput::stream;
   bool has_ended_ = false;
+  std::string refusal_;
 };
 
 // Returns the earliest begin that can be drawn, in s after a run's begin; 0 if there is no such bound.
@@ -76,6 +92,11 @@ void compare_place(const TruthConfig& config, const Truth& first, std::vector<st
 // Returns whether the truth can be read now and again.
 bool is_file(const std::string& port) { return is_capture(port) && !file_of(port).empty(); }
 
+bool is_folder(const std::string& port) {
+  std::error_code none;
+  return is_capture(port) && std::filesystem::is_directory(path_of(port), none);
+}
+
 }  // namespace
 
 CapturePort::CapturePort(const std::string& capture, const std::string& config) {
@@ -89,13 +110,18 @@ CapturePort::CapturePort(const std::string& capture, const std::string& config) 
 
 CaptureFindings check_capture(const Config& config) {
   CaptureFindings findings;
-  if (!is_file(config.truth.port)) return findings;
+  if (!is_file(config.truth.port) && !is_folder(config.truth.port)) return findings;
   double last_begin_s = 0;
   for (const FaultConfig& fault : config.faults) last_begin_s = std::max(last_begin_s, earliest_begin_s(fault));
   try {
     Truths truths(config.truth);
     std::optional<Truth> truth = truths.next();
-    if (!truth) return findings;
+    if (!truth) {
+      findings.no_truth =
+          fmt::format("truth: {} has no truth of the format {}{}; give another capture, or another truth.format",
+                      config.truth.port, config.truth.format->name, truths.found_instead());
+      return findings;
+    }
     compare_place(config.truth, *truth, findings.warnings);
     TruthTime earliest = truth->time, latest = truth->time;
     const auto length_s = [&] { return seconds(latest - earliest); };
@@ -112,7 +138,8 @@ CaptureFindings check_capture(const Config& config) {
             fmt::format("fault {}: at_s = {:g} is after the end of the capture {}, which has {:.6g} s of truth; give "
                         "an earlier time, or optional = true",
                         fault.name, begin_s, config.truth.port, length_s()));
-  } catch (const PortError&) {  // who opens it for a run reports it
+  } catch (const PortError& error) {  // who opens it for a run reports it
+    findings.no_truth = fmt::format("truth: {}; give the path of a capture", error.what());
   }
   return findings;
 }

@@ -23,6 +23,7 @@ struct CapturePort {
 struct CaptureFindings {
   std::vector<std::string> faults;    // each [[fault]] that cannot begin within the capture, unless it is optional
   std::vector<std::string> warnings;  // a place or a date that contradicts [earth]; a run logs them, too
+  std::string no_truth;  // why a run has no truth, and the remedy: the capture cannot be read, or has none; or empty
 };
 
 // The most truths that are read. A longer capture is taken as long enough for any fault.
@@ -30,7 +31,7 @@ inline constexpr std::size_t most_truths_ahead = 500'000;
 
 // Reads the truth of a capture that is a regular file, from its first truth to the first whose time reaches the begin
 // of every fault, or to the end. The length runs from the earliest to the latest time, so that no run in the capture
-// is longer. Finds nothing if the truth is no such capture, or if the file cannot be read.
+// is longer. Finds nothing if the truth is live, or comes from standard input or a pipe, which only the run may read.
 CaptureFindings check_capture(const Config& config);
 
 // The time from the first to the last truth of each run in a capture, summed over the runs.

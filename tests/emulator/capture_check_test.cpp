@@ -2,6 +2,7 @@
 #include "emulator/truth/capture_check.hpp"
 
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 
 #include "tests/emulator/run/run_test.hpp"
 #include "tests/support/text.hpp"
@@ -57,9 +58,41 @@ TEST_F(CaptureCheck, AFaultAfterTheEndIsRefused) {
     EXPECT_EQ(exit_code(keys, {"check", truth}), 0) << keys << text_;
 }
 
-// What is no file, is not there, or is too long to be read ahead is a shortfall at the end of the run, as before.
+// A capture on the command line of `check` must have truth; a replay of it says so itself.
+TEST_F(CaptureCheck, ACaptureWithoutTruthIsRefused) {
+  write("foo.csv", "time_s,foo\n0,1\n");
+  write("empty.csv", "");
+  write("flight.pcap", read_file(IMUD_TEST_DATA "/captures/jsbsim_c172_10s.pcap"));
+  const std::pair<std::string, std::string> captures[] = {
+      {path("none.csv"), "No such file or directory"},
+      {path("none.pcap"), "No such file or directory"},
+      {path("."), "is not a regular file"},
+      {"file:" + path("."), "is a directory"},
+      {path("foo.csv"), "has no truth of the format csv: "},
+      {path("empty.csv"), "has no truth of the format csv; give"},
+      {path("flight.pcap") + "?port=9",
+       "has no truth of the format csv: 2002 datagrams to port 5140 and none to 9; give"}};
+  for (const auto& [capture, fault] : captures)
+    for (const bool json : {false, true}) {
+      std::vector<std::string> command = {"check", capture};
+      if (json) command.emplace_back("--json");
+      EXPECT_EQ(exit_code("optional = true\n", command), 2) << capture << text_;
+      EXPECT_TRUE(contains(text_, fault)) << capture << text_;
+    }
+  // Without a capture on the command line, the file of truth.port may be made later.
+  std::filesystem::remove(path("truth.csv"));
+  EXPECT_EQ(exit_code("", {"check"}), 0) << text_;
+}
+
+// Standard input and a pipe can be read only once, by the run: check takes nothing of them.
+TEST_F(CaptureCheck, APipeIsNotRead) {
+  EXPECT_EQ(exit_code("", {"check", "-"}), 0) << text_;
+  ASSERT_EQ(::mkfifo(path("fifo").c_str(), 0600), 0);
+  EXPECT_EQ(exit_code("", {"check", "file:" + path("fifo")}), 0) << text_;
+}
+
+// What is no file, or is too long to be read ahead is a shortfall at the end of the run, as before.
 TEST_F(CaptureCheck, AnUnknownLengthIsNoFault) {
-  EXPECT_EQ(exit_code("at_s = 7.5\n", {"check", path("none.csv")}), 0) << text_;
   const std::string toml = with_fault("at_s = 7.5\n");
   const ProgramResult piped =
       run_program("imud", {"replay", toml, "-", "--fast", "--set", "imu.0.port=file:" + path("out.csv")},
