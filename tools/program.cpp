@@ -20,17 +20,18 @@ std::optional<int> parse(CLI::App& app, int argc, char** argv) {
 }
 
 int run_tool(std::string_view name, int (*execute)(int argc, char** argv, bool& running), int argc, char** argv) {
+  open_closed_streams();
   bool running = false;
   int exit_code = 0;
   try {
     exit_code = execute(argc, argv, running);
   } catch (const std::exception& error) {
-    fmt::print(stderr, "{}: {}\n", name, error.what());
+    std::fputs(fmt::format("{}: {}\n", name, error.what()).c_str(), stderr);  // fmt::print would throw
     exit_code = running ? failed : wrong_command_line;
   }
   const int error = flush_standard_output();
   if (error == 0) return exit_code;
-  fmt::print(stderr, "{}: standard output: {}\n", name, std::strerror(error));
+  std::fputs(fmt::format("{}: standard output: {}\n", name, std::strerror(error)).c_str(), stderr);
   return exit_code == 0 ? failed : exit_code;
 }
 

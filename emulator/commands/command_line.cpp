@@ -93,13 +93,15 @@ int replay(const Arguments& arguments) {
 
 // Prints a fault. If the cause is too many open files, also prints how to permit more.
 void print_fault(std::string_view text) {
-  fmt::print(stderr, "{}\n", text);
+  std::fputs(fmt::format("{}\n", text).c_str(), stderr);  // fmt::print would throw
   rlimit files{};
   if (text.find(std::strerror(EMFILE)) == text.npos || ::getrlimit(RLIMIT_NOFILE, &files) != 0) return;
-  fmt::print(stderr,
-             "imud may have {0} files open (ulimit -n); permit more by `ulimit -n {1}` or, in a systemd unit, "
-             "LimitNOFILE={1}\n",
-             files.rlim_cur, 4 * files.rlim_cur);
+  std::fputs(
+      fmt::format("imud may have {0} files open (ulimit -n); permit more by `ulimit -n {1}` or, in a systemd unit, "
+                  "LimitNOFILE={1}\n",
+                  files.rlim_cur, 4 * files.rlim_cur)
+          .c_str(),
+      stderr);
 }
 
 int execute(int argc, const char* const* argv) {
@@ -335,13 +337,13 @@ int execute(int argc, const char* const* argv) {
     return run(read(), arguments.run);
   } catch (const ConfigError& error) {
     print_fault(error.what());
-    fmt::print(stderr, "{} fault{}\n", error.faults.size(), error.faults.size() == 1 ? "" : "s");
+    print_fault(fmt::format("{} fault{}", error.faults.size(), error.faults.size() == 1 ? "" : "s"));
     return 2;
   } catch (const PortError& error) {
     print_fault(fmt::format("{}: {}", arguments.config.empty() ? "imud" : arguments.config, error.what()));
     return 2;
   } catch (const RequirementError& error) {
-    fmt::print(stderr, "imud: --require {}\n", error.what());
+    print_fault(fmt::format("imud: --require {}", error.what()));
     return 2;
   } catch (const OpenError& error) {
     print_fault(fmt::format("imud: {}", error.what()));
@@ -355,10 +357,16 @@ int execute(int argc, const char* const* argv) {
 }  // namespace
 
 int command_line(int argc, const char* const* argv) {
-  const int exit_code = execute(argc, argv);
+  open_closed_streams();
+  int exit_code = 1;
+  try {
+    exit_code = execute(argc, argv);
+  } catch (const std::exception& error) {  // of what comes before the command: help to a full disk
+    print_fault(fmt::format("imud: {}", error.what()));
+  }
   const int error = flush_standard_output();
   if (error == 0) return exit_code;
-  fmt::print(stderr, "imud: standard output: {}\n", std::strerror(error));
+  print_fault(fmt::format("imud: standard output: {}", std::strerror(error)));
   return exit_code == 0 ? 1 : exit_code;
 }
 

@@ -1,4 +1,5 @@
-"""imu-decode says what to give in place of a product, and where it has looked for a link.
+"""imu-decode says what to give in place of a product, and where it has looked for a link;
+closed standard input is empty.
 
 usage: decode_test.py IMUD
 """
@@ -21,6 +22,23 @@ class DecodeTest(unittest.TestCase):
     def test_a_product(self):
         self.assertIn("vn-100 is a product of the protocol vectornav; give vectornav pty:imu1 --set model=vn-100",
                       self.refused("vn-100", "pty:imu1")[0])
+
+    def test_standard_input_that_is_closed(self):
+        """It is empty, and no file or socket takes its place, for which the program would wait."""
+        with tempfile.TemporaryDirectory() as folder:
+            (pathlib.Path(folder) / "imu.toml").write_text("""[truth]
+port = "file:none.csv"
+format = "csv"
+[[imu]]
+protocol = "stim300"
+port = "file:imu.bin"
+""")
+            for words, said in ((("imud", "replay", "imu.toml", "-", "--fast"), "there is no truth of the format csv"),
+                                (("imu-decode", "native", "-"), "no sample was decoded")):
+                done = subprocess.run(["/bin/sh", "-c", 'exec "$0" "$@" <&-', DECODE.parent / words[0], *words[1:]], cwd=folder,
+                                      capture_output=True, text=True, timeout=120)
+                self.assertEqual(done.returncode, 1, done.stderr)
+                self.assertIn(said, done.stderr)
 
     def test_a_link_that_is_in_another_folder(self):
         said, folder = self.refused("vectornav", "pty:../x/imu1")

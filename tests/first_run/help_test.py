@@ -94,6 +94,18 @@ class HelpTest(unittest.TestCase):
         # A key is found by its own name where it is not the first of its row.
         self.assertIn("  imu.accelerometer.bias_m_per_s2 ", self.explained("bias_m_"))
 
+    def test_output_that_cannot_be_written(self):
+        """A full disk, and standard error that is full, too."""
+        for words in (("help", "gyro"), ("help", "rate_hz"), ("check", "none.toml"), ("list",)):
+            for errors in (subprocess.PIPE, open("/dev/full", "w")):
+                with open("/dev/full", "w") as full:
+                    done = subprocess.run([IMUD, *words], stdout=full, stderr=errors, text=True)
+                self.assertIn(done.returncode, (1, 2), words)
+                if errors == subprocess.PIPE:
+                    self.assertRegex(done.stderr, "No space left|No such file")
+                else:
+                    errors.close()
+
     def test_suggests_the_nearest(self):
         for given, near in (("rate_hs", "rate_hz"), ("gyo", "gyro"), ("imu.gyro.bias_deg_per_sec", "imu.gyro.bias_deg_per_s"), ("stim30O", "stim300"),
                             ("selftst", "selftest"), ("gyor", "gyro")):

@@ -28,6 +28,10 @@ int write_whole(int file, std::span<const std::byte> bytes) noexcept;
 // Writes all bytes at an offset of a file. Returns 0, or the errno of the write that has failed.
 int write_whole_at(int file, std::span<const std::byte> bytes, std::uint64_t offset) noexcept;
 
+// Opens /dev/null in place of each standard stream that is closed. Otherwise the next file or socket that is opened
+// is taken for the stream: what is printed goes into it, and who reads standard input waits for it.
+void open_closed_streams() noexcept;
+
 // Flushes standard output. Returns 0, or the errno of a write to standard output that has failed in this call or
 // before. A pipe whose reader has closed its end is no failure.
 int flush_standard_output() noexcept;
