@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <nlohmann/json.hpp>
 #include <stdexcept>
 #include <string_view>
 
@@ -44,7 +45,7 @@ std::string port_text(std::string_view key, const Transport& transport, std::str
   std::string text = comment(transport.summary, "");
   for (const PortOption& option : transport.options)
     text += comment(fmt::format("option {}: {}", option.key, option.help), valid_values(option));
-  return text + fmt::format("{} = \"{}\"\n", key, port);
+  return text + fmt::format("{} = {}\n", key, toml_word(port));
 }
 
 // Returns true if truth may come through the transport in that way.
@@ -99,6 +100,8 @@ double example_rate_hz(const Protocol& protocol, const std::string& port) {
 }
 
 }  // namespace
+
+std::string toml_word(std::string_view text) { return nlohmann::json(text).dump(); }
 
 std::string truth_text(const TruthFormat& format, const std::string& port) {
   const std::string address = port.empty() ? truth_port_text(format, *usual_transport(format)) : port;

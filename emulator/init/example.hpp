@@ -18,6 +18,9 @@ int example(const std::string& name);
 // Prints the preset called `name`, to be copied into a configuration. Returns the exit code: 2 if there is none.
 int example_model(const std::string& name);
 
+// Returns a text as a string of TOML, in quotes.
+std::string toml_word(std::string_view text);
+
 // Returns [truth] with a format, all of whose settings are in it as comments. If `port` is empty, the port is an
 // example.
 std::string truth_text(const TruthFormat& format, const std::string& port = {});

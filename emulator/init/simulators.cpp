@@ -58,7 +58,8 @@ ChosenTruth with_port(ChosenTruth truth, const std::string& port, const std::str
   const std::string address = port.substr(0, port.find('?'));  // without options
   const std::size_t digits = address.find_last_not_of("0123456789") + 1;
   const std::string text = is_number ? old.substr(0, begin) + port : port;
-  truth.toml.replace(static_cast<std::size_t>(match.position(3)), old.size(), text);
+  const auto quote = static_cast<std::size_t>(match.position(3)) - 1;
+  truth.toml.replace(quote, old.size() + 2, toml_word(text));
   if (!number.empty() && digits < address.size() && file.empty())
     truth.start = with_number(truth.start, number, address.substr(digits));
   else if (!file.empty() && digits < address.size() && address.substr(digits) != number)

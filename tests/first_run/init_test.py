@@ -180,6 +180,12 @@ class Options(InFolder):
             self.assertIn("While imud runs, start: ", done.stderr)
             self.assertNotRegex(done.stdout + done.stderr, r"check -|is written")
 
+    def test_a_port_of_any_characters(self):
+        for port in (r"pty:a\tb", 'pty:a"b', r"pty:a\\", "pty:a b"):
+            truth = f"unix:{self.folder}/truth_{port[4:]}"
+            made, _ = self.accepted("stim300", "--port", port, "--from", "jsbsim", "--truth", truth)
+            self.assertEqual((made["imu"][0]["port"], made["truth"]["port"]), (port, truth))
+
     def test_what_is_wrong_writes_nothing(self):
         for words, fault in (((), "PRODUCT, --port PORT, --from SIMULATOR are missing"),
                              (("stim300", "--port", "pty:a"), "--from SIMULATOR is missing"),
