@@ -74,11 +74,30 @@ const Transport* usual_transport(const TruthFormat& format) {
   return first(transports(), [&](const Transport& t) { return brings(t, format.way); });
 }
 
+std::string model_text(const Preset& preset) {
+  return comment(preset.summary(), std::string(preset.source())) +
+         fmt::format("model = {}\n", toml_word(preset.name));
+}
+
 std::string model_text(const Protocol& protocol, const Settings& settings, const Preset* preset) {
   if (preset == nullptr)
     return fmt::format("# whose errors the sensors have: a preset of imud list, ideal, or white\n#model = \"{}\"\n",
                        default_model(protocol, settings));
-  return comment(preset->summary(), std::string(preset->source())) + fmt::format("model = \"{}\"\n", preset->name);
+  return model_text(*preset);
+}
+
+// Returns whether a preset has figures of the sensor, such as "barometer".
+bool has_sensor(const Preset& preset, std::string_view sensor) {
+  return std::ranges::any_of(preset.figures(),
+                             [&](const Preset::Figure& figure) { return figure.key.starts_with(sensor); });
+}
+
+// Returns the tables that take the errors of a preset without gyros.
+std::string field_models_text(const Preset& preset) {
+  std::string text;
+  for (const std::string_view sensor : {"magnetometer", "barometer"})
+    if (has_sensor(preset, sensor)) text += fmt::format("\n[imu.{}]\n{}", sensor, model_text(preset));
+  return text;
 }
 
 // Returns a sample rate, Hz, at which the messages of a protocol that is no product are possible and fit on the line.
@@ -131,6 +150,8 @@ std::string imu_text(const Protocol& protocol, const std::string& port, std::str
     text += fmt::format("# samples per second\n{}\n",
                         own_hz > 0 ? fmt::format("#rate_hz = {}", own_hz)
                                    : fmt::format("rate_hz = {}", example_rate_hz(protocol, port)));
+  if (preset != nullptr && !has_sensor(*preset, "gyro"))
+    return imu_text(protocol, port, unit) + field_models_text(*preset);
   text += model_text(protocol, settings, preset);
   if (!protocol.settings.empty()) text += "\n[imu.device]\n" + settings_text(protocol.settings, unit);
   if (protocol.has_sync_pins)

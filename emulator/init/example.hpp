@@ -26,8 +26,8 @@ std::string toml_word(std::string_view text);
 std::string truth_text(const TruthFormat& format, const std::string& port = {});
 
 // Returns [[imu]] with a protocol at a port, which begins with the name of a transport. `unit`: the product of the
-// protocol (`model` in [imu.device]); empty: the default one. `preset`: the sensor whose errors the imu has;
-// nullptr: the product's errors.
+// protocol (`model` in [imu.device]); empty: the default one. `preset`: the sensor whose errors the imu has,
+// or its magnetometer or barometer; nullptr: the product's errors.
 std::string imu_text(const Protocol& protocol, const std::string& port, std::string_view unit,
                      const Preset* preset = nullptr);
 

@@ -149,7 +149,9 @@ TEST(List, HasTheChecksOfFrames) {
 }
 
 TEST(Example, IsAcceptedForEveryName) {
-  for (const std::string& name : all_names()) {
+  std::vector<std::string> names = all_names();
+  for (const Preset& preset : field_presets()) names.emplace_back(preset.name);
+  for (const std::string& name : names) {
     const auto example = run_program("imud", {"example", name});
     EXPECT_EQ(example.exit_code, 0) << name;
     const auto good = run_program("imud", {"check", "-"}, example.output);
