@@ -317,6 +317,12 @@ ImuConfig read_imu(TableReader& table, std::size_t index, const TruthConfig& tru
   if (std::any_of(imu.name.begin(), imu.name.end(), is_control))
     table.fault("name", "has a line feed or another control character; give a name in one line of text");
 
+  if (imu.name.find_first_of(",<>=/") != imu.name.npos)
+    table.fault("name", "has one of , < > = /, which --require and file names cannot have; give another name");
+  for (const std::string_view other : {"truth.", "record.", "control.", "clock."})
+    if ((imu.name + ".").starts_with(other))
+      table.fault("name", fmt::format("--require has other figures that begin with {}; give another name", other));
+
   require(table, "protocol", "one that `imud list` shows");
   const std::string protocol = table.text("protocol", "");
   imu.protocol = resolve_protocol(protocol);

@@ -36,6 +36,15 @@ class FaultTextTest(unittest.TestCase):
                 self.assertIn("2: TOML: a text is not closed: a quotation mark is missing before the end of the line: " + line, found[0])
         self.assertNotIn("not closed", self.faults('[truth]\nformat = "a\x01b"\n')[0])
 
+    def test_a_name_that_no_option_can_give(self):
+        """--require and {imu} in the name of a file have names of imus."""
+        imu = '[[imu]]\nprotocol = "vectornav"\nport = "pty:a"\n'
+        for name in ("a,b", "a<b", "a>b", "a=b", "a/b", "truth", "record", "control", "clock", "truth.a"):
+            self.assertRegex("".join(self.faults(TRUTH + imu + f'name = "{name}"\n')), "imu.0.name: .*give another name")
+        for name in ("a b", "a.b", "truths", "Anemoi-2"):
+            checked = subprocess.run([IMUD, "check", "-"], input=TRUTH + imu + f'name = "{name}"\n', capture_output=True, text=True)
+            self.assertEqual(checked.returncode, 0, checked.stderr)
+
 
 if __name__ == "__main__":
     unittest.main()
