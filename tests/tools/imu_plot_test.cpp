@@ -207,6 +207,32 @@ TEST_F(ImuPlot, DrawsTheSolutionOfAFilter) {
   EXPECT_EQ(rows.at("magnetic_heading")[550], 1);
 }
 
+// Without a place an AHRS has an attitude alone, and a filter that needs places never aligns.
+TEST_F(ImuPlot, DrawsTheAttitudeOfAUnitWithoutAPlace) {
+  const std::string truth = folder_ / "truth.csv";
+  ASSERT_EQ(run_program("imu-truth", {"spiral", "--rate", "50", "--for", "10", "--csv", truth}).exit_code, 0);
+  const auto draw = [&](const std::string& solution) {
+    std::ofstream(folder_ / "imu.toml")
+        << "[truth]\nport = \"udp:127.0.0.1:5140\"\nformat = \"csv\"\n[[imu]]\nprotocol = \"native\"\nrate_hz = 100\n"
+           "port = \"pty:imu1\"\nmodel = \"vn-100\"\nnavigation.solution = \""
+        << solution << "\"\n";
+    return run_program("imu-plot", {folder_ / "imu.toml", truth, "--plot", folder_ / "run.svg", "--solution",
+                                    folder_ / "solution.svg", "--seeds", "2"});
+  };
+  const auto attitude = draw("attitude");
+  ASSERT_EQ(attitude.exit_code, 0) << attitude.errors;
+  EXPECT_TRUE(contains(attitude.output, "\nabout_down     error rms ")) << attitude.output;
+  EXPECT_FALSE(contains(attitude.output, "velocity_north")) << attitude.output;
+  EXPECT_FALSE(contains(content("solution.svg"), "velocity_north"));
+  const auto squares = columns("solution.plot.csv").at("normalized_square");
+  EXPECT_GT(std::ranges::count_if(squares, [](double one) { return one < 100; }), 500) << "of the attitude";
+
+  const auto filter = draw("filter");
+  EXPECT_EQ(filter.exit_code, 1);
+  EXPECT_TRUE(contains(filter.errors, "has not aligned in this run")) << filter.errors;
+  EXPECT_FALSE(contains(filter.errors, "gnuplot")) << filter.errors;
+}
+
 // Products of both links, one with lists as settings: the same errors, through their bytes.
 TEST_F(ImuPlot, DecodesProductsOfBothLinks) {
   for (const std::string device :

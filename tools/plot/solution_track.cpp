@@ -62,6 +62,10 @@ std::vector<SolutionTrack::Aid> aids_of(std::span<const SolutionRow> rows) {
 
 }  // namespace
 
+bool SolutionTrack::Channel::is_known() const noexcept {
+  return std::ranges::any_of(error, [](double one) { return !std::isnan(one); });
+}
+
 SolutionTrack compare_solutions(std::span<const SolutionRow> rows, std::span<const SolutionRow> truth) {
   if (rows.size() != truth.size())
     throw std::runtime_error(
@@ -102,15 +106,20 @@ SolutionTrack compare_solutions(std::span<const SolutionRow> rows, std::span<con
     add(track, 3, has_place ? v : unknown_vector, has_place ? true_v : unknown_vector,
         has_place ? Vector3(v - true_v) : unknown_vector, has_place ? sigma(3) : unknown_vector);
     add(track, 6, r, true_r, off, has_place ? sigma(6) : unknown_vector);
-    double sum = 0;
+    double sum = 0, known = 0;
     for (const SolutionTrack::Channel& channel : track.channels) {
       const double ratio = channel.error.back() / channel.sigma.back();
+      if (std::isnan(ratio)) continue;
       sum += ratio * ratio;
+      ++known;
     }
-    track.normalized_square.push_back(sum / static_cast<double>(track.channels.size()));
+    track.normalized_square.push_back(sum / known);  // NaN if none is known
     track.fix_age_s.push_back(has_place ? row.fix_age_s : unknown);
   }
   track.aids = aids_of(rows);
+  if (!track.channels[0].is_known())
+    throw std::runtime_error(
+        "--solution: the unit has not aligned in this run, so that there is no solution to draw");
   return track;
 }
 
@@ -135,13 +144,16 @@ std::string track_plot_commands(const SolutionTrack& track, const std::string& p
   constexpr std::size_t first_aid = 4, columns = 4;  // from 1; of a channel
   const std::size_t first_column = first_aid + track.aids.size();
   const std::string data = in_quotes(path) + " every ::1";
-  std::string text = terminal_commands(picture, 1200, 230 * (track.channels.size() + 1));
+  const auto drawn =
+      static_cast<std::size_t>(std::ranges::count_if(track.channels, &SolutionTrack::Channel::is_known));
+  std::string text = terminal_commands(picture, 1200, 230 * (drawn + 1));
   text +=
       "set datafile separator ','\nset datafile missing 'nan'\nset key above noenhanced samplen 2\nset style fill "
       "transparent solid 0.3 noborder\nset grid\n";
-  text += fmt::format("set multiplot layout {},2\n", track.channels.size() + 1);
+  text += fmt::format("set multiplot layout {},2\n", drawn + 1);
   for (std::size_t i = 0; i < track.channels.size(); ++i) {
     const auto& channel = track.channels[i];
+    if (!channel.is_known()) continue;  // an AHRS without a place has no velocity and no position
     const std::size_t value = first_column + columns * i;
     text += fmt::format(
         "set ylabel '{0} in {1}' noenhanced\nplot {2} using 1:{3} with lines linecolor 2 title 'solution', \\\n  {2} "
