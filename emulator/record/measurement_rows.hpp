@@ -20,6 +20,11 @@ struct TrueRow {
   TrueValues values;
 };
 
+// Returns whether a measurement with these Measurement::fields carries increments.
+constexpr bool carries_increments(std::uint32_t fields) noexcept {
+  return (fields & (Measurement::delta_angle | Measurement::delta_velocity)) != 0;
+}
+
 // A port that decodes a device's frames. Within send() it calls `receive`, which must not throw, for each
 // measurement.
 std::unique_ptr<Port> decoding_port(const ImuConfig& imu, std::function<void(const Measurement&)> receive);

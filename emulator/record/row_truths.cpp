@@ -11,7 +11,7 @@ MadeRow::MadeRow(const MeasurementRow& row, std::uint64_t number) noexcept
       time_ns(row.time_ns),
       counter(row.counter),
       sample(number),
-      has_increments((row.fields & (Measurement::delta_angle | Measurement::delta_velocity)) != 0) {}
+      has_increments(carries_increments(row.fields)) {}
 
 TrueRow no_truth() noexcept { return {MeasurementRow::no_time, {}}; }
 

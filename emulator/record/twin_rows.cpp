@@ -14,8 +14,6 @@ namespace imud {
 
 namespace {
 
-constexpr std::uint32_t any_increment = Measurement::delta_angle | Measurement::delta_velocity;
-
 TrueRow row_of(const Sample& sample, const Increments& increments) {
   const auto values = [](const Vector3& v) { return std::array{v[0], v[1], v[2]}; };
   return {sample.time.ns,
@@ -46,7 +44,7 @@ class TruthRows {
   std::int64_t taken() const noexcept { return taken_; }
   // A measurement whose first frame was sent when taken() was `number`.
   void on_measurement(const Measurement& measurement, std::int64_t number) {
-    measured_.push_back({number, (measurement.fields & any_increment) != 0});
+    measured_.push_back({number, carries_increments(measurement.fields)});
     complete();
   }
 
@@ -70,16 +68,16 @@ class TruthRows {
       add_row(measured_.front().has_increments);
     }
   }
-  void add_row(bool carries_increments) {
-    const bool is_first = carries_increments && !has_increments_;
-    has_increments_ |= carries_increments;
+  void add_row(bool carries) {
+    const bool is_first = carries && !has_increments_;
+    has_increments_ |= carries;
     // The product may begin its sums at any sample before the first that it sends.
     const bool is_begun = rows.empty() ? increments_.samples <= 1 : !is_first;
     if (is_first)
       for (TrueRow& row : rows) row = without_increments(row);
     rows.push_back(row_of(newest_, increments_));
-    if (!is_begun || carries_increments != has_increments_) rows.back() = without_increments(rows.back());
-    if (carries_increments || !has_increments_) increments_ = {};
+    if (!is_begun || carries != has_increments_) rows.back() = without_increments(rows.back());
+    if (carries || !has_increments_) increments_ = {};
   }
   static TrueRow without_increments(TrueRow row) noexcept {
     row.values.dtheta = row.values.dvel = TrueValues().dtheta;
