@@ -104,56 +104,73 @@ class FaultWindows : public EveryQuantityTest {
     chosen.text.replace(chosen.text.find(range), range.size(), saturated);
     return chosen;
   }
+
+  struct Faulty {
+    bool is_can;
+    std::string name;                       // "gyro.bias"
+    const std::vector<Unit>& units;         // one
+    const std::vector<std::string>& clean;  // the frames of a run without the fault, by sample
+  };
+  // Calls `judge(kind, target, faulty)` for each kind and target that a unit on CAN or one of `native` can have.
+  // Returns the number of calls.
+  template <class Judge>
+  std::size_t each_fault(const Judge& judge) {
+    std::size_t calls = 0;
+    for (const bool is_can : {true, false}) {
+      const std::vector<Unit> units = {unit(is_can)};
+      const std::vector<std::string> clean = run(units, "", window_run_s).sent[0];
+      const Protocol& protocol = *find_protocol(is_can ? "dbc" : "native");
+      for (const FaultKind* kind : fault_kinds()) {
+        for (const std::string_view target : kind->targets) {
+          if (!fault_objection(*kind, target, protocol, Settings(protocol.settings)).empty()) continue;
+          const std::string name = fmt::format("{}.{}", target, kind->name);
+          SCOPED_TRACE(fmt::format("{} on {}", name, protocol.name));
+          ++calls;
+          judge(*kind, target, Faulty{is_can, name, units, clean});
+        }
+      }
+    }
+    return calls;
+  }
 };
 
 TEST_F(FaultWindows, OutsideTheBytesAreThoseOfTheRunWithout) {
   std::set<std::string_view> decided;
-  std::size_t rows = 0;
-  for (const bool is_can : {true, false}) {
-    const std::vector<Unit> units = {unit(is_can)};
-    const std::vector<std::string> clean = run(units, "", window_run_s).sent[0];
-    const Protocol& protocol = *find_protocol(is_can ? "dbc" : "native");
-    for (const FaultKind* kind : fault_kinds()) {
-      for (const std::string_view target : kind->targets) {
-        if (!fault_objection(*kind, target, protocol, Settings(protocol.settings)).empty()) continue;
-        const std::string name = fmt::format("{}.{}", target, kind->name);
-        SCOPED_TRACE(fmt::format("{} on {}", name, protocol.name));
-        ++rows;
-        const auto state = lasting.find(name);
-        ASSERT_EQ(state != lasting.end(), !kind->stays.empty())
-            << "a kind states what stays, and its row in `lasting` for how long";
-        const auto of_target = partial.find(name);
-        const auto part = of_target != partial.end() ? of_target : partial.find(kind->name);
-        Reach reach = state != lasting.end() ? state->second : part != partial.end() ? part->second : Reach{};
-        if (state != lasting.end()) decided.insert(state->first);
-        const bool is_carried = target != "magnetometer" && target != "barometer" && target != "gnss" &&
-                                name != "truth.jump" && name != "power.settings_lost" &&
-                                name != "message.other_settings";  // by native
-        const Sampled faulty = run(units, in_window(*kind, target), window_run_s);
-        ASSERT_EQ(faulty.acted.size(), 1U);
-        const std::uint64_t last = kind->is_event ? opens : closes;
-        if (kind->seam != FaultSeam::truth) {
-          EXPECT_EQ(faulty.acted[0].first, opens);
-          EXPECT_EQ(faulty.acted[0].last, last);
-        }
-        std::uint64_t first_changed = clean.size(), last_changed = 0;
-        for (std::uint64_t k = 0; k < clean.size(); ++k) {
-          if (faulty.sent[0][k] == clean[k]) continue;
-          first_changed = std::min(first_changed, k);
-          last_changed = k;
-        }
-        if (first_changed == clean.size()) {
-          EXPECT_TRUE(!reach.is_visible || (!is_can && !is_carried)) << "it changes nothing";
-          continue;
-        }
-        EXPECT_TRUE(reach.is_visible);
-        EXPECT_GE(first_changed, opens - reach.before);
-        EXPECT_LE(first_changed, opens + reach.late);
-        EXPECT_LE(last_changed, last + reach.after);
-        EXPECT_GE(last_changed, last - reach.early);
-      }
+  const std::size_t rows = each_fault([&](const FaultKind& kind, std::string_view target, const Faulty& of) {
+    const auto& [is_can, name, units, clean] = of;
+    const auto state = lasting.find(name);
+    ASSERT_EQ(state != lasting.end(), !kind.stays.empty())
+        << "a kind states what stays, and its row in `lasting` for how long";
+    const auto of_target = partial.find(name);
+    const auto part = of_target != partial.end() ? of_target : partial.find(kind.name);
+    Reach reach = state != lasting.end() ? state->second : part != partial.end() ? part->second : Reach{};
+    if (state != lasting.end()) decided.insert(state->first);
+    const bool is_carried = target != "magnetometer" && target != "barometer" && target != "gnss" &&
+                            name != "truth.jump" && name != "power.settings_lost" &&
+                            name != "message.other_settings";  // by native
+    const Sampled faulty = run(units, in_window(kind, target), window_run_s);
+    ASSERT_EQ(faulty.acted.size(), 1U);
+    const std::uint64_t last = kind.is_event ? opens : closes;
+    if (kind.seam != FaultSeam::truth) {
+      EXPECT_EQ(faulty.acted[0].first, opens);
+      EXPECT_EQ(faulty.acted[0].last, last);
     }
-  }
+    std::uint64_t first_changed = clean.size(), last_changed = 0;
+    for (std::uint64_t k = 0; k < clean.size(); ++k) {
+      if (faulty.sent[0][k] == clean[k]) continue;
+      first_changed = std::min(first_changed, k);
+      last_changed = k;
+    }
+    if (first_changed == clean.size()) {
+      EXPECT_TRUE(!reach.is_visible || (!is_can && !is_carried)) << "it changes nothing";
+      return;
+    }
+    EXPECT_TRUE(reach.is_visible);
+    EXPECT_GE(first_changed, opens - reach.before);
+    EXPECT_LE(first_changed, opens + reach.late);
+    EXPECT_LE(last_changed, last + reach.after);
+    EXPECT_GE(last_changed, last - reach.early);
+  });
   EXPECT_EQ(decided.size(), lasting.size()) << "a row of `lasting` is of no kind";
   EXPECT_GT(rows, 150U);
 }
@@ -162,38 +179,29 @@ TEST_F(FaultWindows, OutsideTheBytesAreThoseOfTheRunWithout) {
 // ramp, and an event has a probability below 1e-9 in a sample.
 TEST_F(FaultWindows, ARampBeginsWithoutEffect) {
   std::size_t rows = 0;
-  for (const bool is_can : {true, false}) {
-    const std::vector<Unit> units = {unit(is_can)};
-    const std::vector<std::string> clean = run(units, "", window_run_s).sent[0];
-    const Protocol& protocol = *find_protocol(is_can ? "dbc" : "native");
-    for (const FaultKind* kind : fault_kinds()) {
-      if (!kind->is_ramped) continue;
-      const bool has_numbers = kind->seam == FaultSeam::sensor || kind->seam == FaultSeam::truth;
-      if (has_numbers && !is_can) continue;
-      for (const std::string_view target : kind->targets) {
-        if (!fault_objection(*kind, target, protocol, Settings(protocol.settings)).empty()) continue;
-        SCOPED_TRACE(fmt::format("{}.{} on {}", target, kind->name, protocol.name));
-        ++rows;
-        const Sampled begun = run(units, in_window(*kind, target) + "ramp_in_s = 1e9\n", window_run_s);
-        EXPECT_EQ(begun.acted.size(), 1U);
-        if (!has_numbers) {
-          EXPECT_EQ(begun.sent[0], clean);
-          continue;
-        }
-        const Sampled whole = run(units, in_window(*kind, target), window_run_s);
-        std::map<std::string_view, double> change, without_ramp;  // the largest, SI
-        for (std::uint64_t k = 0; k < clean.size(); ++k) {
-          const auto now = quantities(begun.sent[0][k]), then = quantities(whole.sent[0][k]);
-          for (const auto& [name, value] : quantities(clean[k])) {
-            const double rounding = 1e-12 * std::max(1.0, std::abs(value));
-            change[name] = std::max(change[name], std::abs(now.at(name) - value) - rounding);
-            without_ramp[name] = std::max(without_ramp[name], std::abs(then.at(name) - value));
-          }
-        }
-        for (const auto& [name, largest] : change) EXPECT_LE(largest, 1e-6 * without_ramp[name]) << name;
+  each_fault([&](const FaultKind& kind, std::string_view target, const Faulty& of) {
+    const auto& [is_can, name_of_fault, units, clean] = of;
+    const bool has_numbers = kind.seam == FaultSeam::sensor || kind.seam == FaultSeam::truth;
+    if (!kind.is_ramped || (has_numbers && !is_can)) return;
+    ++rows;
+    const Sampled begun = run(units, in_window(kind, target) + "ramp_in_s = 1e9\n", window_run_s);
+    EXPECT_EQ(begun.acted.size(), 1U);
+    if (!has_numbers) {
+      EXPECT_EQ(begun.sent[0], clean);
+      return;
+    }
+    const Sampled whole = run(units, in_window(kind, target), window_run_s);
+    std::map<std::string_view, double> change, without_ramp;  // the largest, SI
+    for (std::uint64_t k = 0; k < clean.size(); ++k) {
+      const auto now = quantities(begun.sent[0][k]), then = quantities(whole.sent[0][k]);
+      for (const auto& [name, value] : quantities(clean[k])) {
+        const double rounding = 1e-12 * std::max(1.0, std::abs(value));
+        change[name] = std::max(change[name], std::abs(now.at(name) - value) - rounding);
+        without_ramp[name] = std::max(without_ramp[name], std::abs(then.at(name) - value));
       }
     }
-  }
+    for (const auto& [name, largest] : change) EXPECT_LE(largest, 1e-6 * without_ramp[name]) << name;
+  });
   EXPECT_GT(rows, 40U);
 }
 
