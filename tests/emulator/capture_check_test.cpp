@@ -91,7 +91,7 @@ TEST_F(CaptureCheck, APipeIsNotRead) {
   EXPECT_EQ(exit_code("", {"check", "file:" + path("fifo")}), 0) << text_;
 }
 
-// What is no file, or is too long to be read ahead is a shortfall at the end of the run, as before.
+// A fault that begins too late in a pipe is a shortfall at the end of the run, because check cannot read ahead.
 TEST_F(CaptureCheck, AnUnknownLengthIsNoFault) {
   const std::string toml = with_fault("at_s = 7.5\n");
   const ProgramResult piped =

@@ -174,7 +174,7 @@ TEST(Inclinometers, GoOnWithTheirErrors) {
   EXPECT_NE(*second.sample_at_rest(101ms, DeviceTime{}).inclination, *all[101].inclination);
 }
 
-// Their constant errors are drawn beside those of the accelerometers; a cause may determine both.
+// Inclinometers and accelerometers draw different constant errors, but a cause may determine both.
 TEST(Inclinometers, HaveDrawsOfTheirOwn) {
   TriadErrors errors;
   errors.unit_sigma.bias = Vector3::Constant(0.01);

@@ -223,7 +223,8 @@ TEST_F(SensorFaultsTest, ThroughTheBytesOfAProduct) {
   EXPECT_EQ(within, 500);
 }
 
-// Faults of inclinometers change their values alone, within the window; those of accelerometers leave them.
+// A fault of the inclinometers changes the inclination alone, within the window. A fault of the accelerometers leaves
+// the inclination as it is.
 TEST_F(SensorFaultsTest, OfInclinometersAreTheirOwn) {
   const std::string errors = "model = \"white\"\n[imu.device]\nsample_rate = 500\nstart_up = false\n";
   const Result clean = run("", "stim300", 1, errors);
