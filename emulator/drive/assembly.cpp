@@ -9,11 +9,6 @@ namespace imud {
 
 namespace {
 
-std::optional<PaceOptions> pace_of(const Config& config) {
-  if (config.clock != ClockMode::realtime) return std::nullopt;
-  return PaceOptions{config.realtime.spin, config.realtime.skip_after};
-}
-
 std::optional<RecordedRun> record_of(const Config& config, bool repeats) {
   if (!repeats) return std::nullopt;
   return std::optional<RecordedRun>(std::in_place, PortSpec::parse(config.truth.port), config);
@@ -42,7 +37,8 @@ Ports reading_from(ReadAhead& ahead, const Ports& ports) {
 }  // namespace
 
 Assembly::Assembly(const Config& config, const Ports& ports, const Parts& parts)
-    : pace_(pace_of(config)),
+    : is_paced_(config.clock == ClockMode::realtime),
+      pace_{config.realtime.spin, config.realtime.skip_after},
       epoch_(epoch_of(config)),
       threads_(may_use_threads(config, parts) ? parts.threads : 1),
       repeated_(record_of(config, parts.repeats)),
@@ -58,10 +54,13 @@ Assembly::Assembly(const Config& config, const Ports& ports, const Parts& parts)
       pacer_(make_pacer(config, engine_.timeline(), engine_.quality())) {}
 
 void Assembly::run(Host& host, const std::atomic<bool>& stop, const Limits& limits) {
-  if (repeated_) return repeated_->run(engine_, host, {pace_, limits.duration, limits.awaits_truth}, stop);
+  if (repeated_) {
+    const std::optional<PaceOptions> pace = is_paced_ ? std::optional(pace_) : std::nullopt;
+    return repeated_->run(engine_, host, {pace, limits.duration, limits.awaits_truth}, stop);
+  }
   std::optional<EncodingThread> encoding;
   if (encodes_apart_) engine_.encode_by(&encoding.emplace(engine_.channels().size(), stop));
-  Loop(engine_, host, *pacer_, {pace_.value_or(PaceOptions{}), limits.duration, epoch_}, clock_, stop).run();
+  Loop(engine_, host, *pacer_, {pace_, limits.duration, epoch_}, clock_, stop).run();
   engine_.encode_by(nullptr);
 }
 

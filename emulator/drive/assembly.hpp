@@ -48,7 +48,8 @@ class Assembly {
   void run(Host& host, const std::atomic<bool>& stop) { run(host, stop, Limits()); }
 
  private:
-  const std::optional<PaceOptions> pace_;  // nullopt: the host's clock does not pace
+  const bool is_paced_;  // by the host's clock
+  const PaceOptions pace_;
   const Epoch epoch_;
   const unsigned threads_;  // that may be used
   std::optional<RecordedRun> repeated_;

@@ -60,10 +60,10 @@ std::optional<HostTime> Hosts::next_wake() const noexcept {
   return first;
 }
 
-bool Hosts::wait(HostTime until, bool truth) noexcept {
+bool Hosts::wait(HostTime until, bool truth, Nanoseconds spin) noexcept {
   // While no truth can be taken, its arrival must not end the wait.
   host_.watch(0, engine_.intake().descriptor(), truth ? POLLIN : 0, false);
-  ready_ = host_.wait_for_input(until);
+  ready_ = host_.wait_for_input(until, spin);
   return std::ranges::any_of(ready_, [](const Host::Ready& one) { return one.input == 0; });
 }
 

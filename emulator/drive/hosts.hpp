@@ -28,8 +28,9 @@ class Hosts {
   // waits for a time.
   void settle(HostTime now) noexcept;
   std::optional<HostTime> next_wake() const noexcept;
-  // Waits for truth if `truth`, and for the hosts, at most until `until`. Returns true if truth is ready.
-  bool wait(HostTime until, bool truth) noexcept;
+  // Waits for truth if `truth`, and for the hosts, at most until `until`, and does not sleep for the first `spin` of
+  // the wait. Returns true if truth is ready.
+  bool wait(HostTime until, bool truth, Nanoseconds spin) noexcept;
   // Serves the hosts that wait() has found ready. Returns false if the next wait would return at once again, because
   // of a lasting error or a flood.
   bool serve_ready(HostTime now) noexcept;

@@ -47,6 +47,7 @@ Loop::Loop(Engine& engine, Host& host, Pacer& pacer, const LoopOptions& options,
       timeline_(engine.timeline()),
       paced_(pacer.is_paced()),
       waits_for_truth_(pacer.waits_for_truth()),
+      spin_(paced_ ? Nanoseconds{0} : options.pace.spin),
       schedule_(grids(engine)),
       epoch_(host, options.epoch, engine.channels().size(), clock),
       limit_(options.limit),
@@ -263,7 +264,7 @@ void Loop::wait(HostTime until) noexcept {
 
 // Waits for input until `until` at most, and serves what is ready. With `until` in the past it does not wait.
 void Loop::look(HostTime until) noexcept {
-  truth_waits_ = hosts_.wait(until, !more_truth_ && wants_truth()) || more_truth_ || has_no_input();
+  truth_waits_ = hosts_.wait(until, !more_truth_ && wants_truth(), spin_) || more_truth_ || has_no_input();
   looked_ = host_.now();
   cycle_power_if_requested(looked_);
   if (!is_prepared() && has_commands()) execute_commands();

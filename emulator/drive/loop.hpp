@@ -15,7 +15,7 @@
 namespace imud {
 
 struct LoopOptions {
-  PaceOptions pace;                  // where the host's clock paces
+  PaceOptions pace;                  // where no clock of the host paces, the time to spin begins with each wait
   std::optional<Nanoseconds> limit;  // of simulation time: the run of a capture ends there
   Epoch epoch = Epoch::none;         // of the grids of samples; none unless the truth is live
 };
@@ -89,6 +89,7 @@ class Loop {
   const Timeline& timeline_;
   const bool paced_;            // by the host's clock
   const bool waits_for_truth_;  // samples wait for their truth; false: the sensors have power before the first truth
+  const Nanoseconds spin_;      // the thread does not sleep for the first spin_ of a wait
   Schedule schedule_;
   EpochGrid epoch_;
   std::optional<Nanoseconds> limit_;  // for which truth is still sampled from the run's start on; nullopt: forever

@@ -70,13 +70,20 @@ void MonotonicHost::watch(std::size_t input, int descriptor, short events, bool 
   if (::epoll_ctl(epoll_.get(), EPOLL_CTL_ADD, own.fd, &event) != 0 && errno == EPERM) has_file_ = true;
 }
 
-std::span<const Host::Ready> MonotonicHost::wait_for_input(HostTime time) noexcept {
+std::span<const Host::Ready> MonotonicHost::wait_for_input(HostTime time, Nanoseconds spin) noexcept {
+  HostTime now = host_now();
+  for (const HostTime awake = std::min(time, now + spin); now < awake; now = host_now())
+    if (const std::span<const Ready> ready = poll_inputs({}); !ready.empty()) return ready;
+  return poll_inputs(std::max(time - now, Nanoseconds{0}));
+}
+
+std::span<const Host::Ready> MonotonicHost::poll_inputs(Nanoseconds at_most) noexcept {
   ready_.clear();
   pollfd all{epoll_.get(), POLLIN, 0};
   const bool is_direct = !epoll_ || has_file_;
   const std::span<pollfd> polled = is_direct ? std::span(inputs_) : std::span(&all, 1);
-  const timespec at_most = to_timespec(std::max(time - host_now(), Nanoseconds{0}).count());
-  if (::ppoll(polled.data(), polled.size(), &at_most, nullptr) <= 0) return {};
+  const timespec timeout = to_timespec(at_most.count());
+  if (::ppoll(polled.data(), polled.size(), &timeout, nullptr) <= 0) return {};
   if (is_direct) {
     for (std::size_t i = 0; i < inputs_.size(); ++i)
       if (inputs_[i].revents != 0) ready_.push_back({i, inputs_[i].revents});

@@ -38,8 +38,9 @@ class Host {
     std::size_t input = 0;
     short events = 0;  // as poll() reports them
   };
-  // Waits until a watched input is ready, at most until `time`. Returns the ready ones, until the next call.
-  virtual std::span<const Ready> wait_for_input(HostTime time) noexcept = 0;
+  // Waits until a watched input is ready, at most until `time`. Returns the ready ones, until the next call. For the
+  // first `spin` of the wait the thread asks again and again without sleeping, so that no wake-up delays the return.
+  virtual std::span<const Ready> wait_for_input(HostTime time, Nanoseconds spin = {}) noexcept = 0;
 };
 
 // The real host: CLOCK_MONOTONIC, clock_nanosleep(), and ppoll() for a few inputs or on epoll for many.
@@ -53,9 +54,11 @@ class MonotonicHost final : public Host {
   Ahead ahead(clockid_t clock) noexcept override;
   void reserve_inputs(std::size_t count) override;
   void watch(std::size_t input, int descriptor, short events, bool again) noexcept override;
-  std::span<const Ready> wait_for_input(HostTime time) noexcept override;
+  std::span<const Ready> wait_for_input(HostTime time, Nanoseconds spin) noexcept override;
 
  private:
+  std::span<const Ready> poll_inputs(Nanoseconds at_most) noexcept;
+
   std::vector<pollfd> inputs_;  // by number; a descriptor of -1: it is not watched
   std::vector<Ready> ready_;
   FileDescriptor epoll_;   // of all inputs, if there are many

@@ -29,7 +29,9 @@ class CountingHost final : public Host {
   void watch(std::size_t input, int descriptor, short events, bool again) noexcept override {
     host_.watch(input, descriptor, events, again);
   }
-  std::span<const Ready> wait_for_input(HostTime time) noexcept override { return counted().wait_for_input(time); }
+  std::span<const Ready> wait_for_input(HostTime time, Nanoseconds spin) noexcept override {
+    return counted().wait_for_input(time, spin);
+  }
 
  private:
   MonotonicHost& counted() noexcept {

@@ -1,5 +1,9 @@
 // The order of a device's calls, and how the loop waits and spins; on a simulated host.
+#include <fcntl.h>
+#include <unistd.h>
+
 #include <algorithm>
+#include <array>
 #include <deque>
 #include <map>
 
@@ -284,8 +288,10 @@ TEST_F(LoopTest, EdgesThatComeWhileTheSensorIsSilentAreDiscarded) {
   EXPECT_EQ(count('t'), 2U) << "those of 0.5 s and 2.5 s";
 }
 
+// In lockstep the loop spins at the begin of each wait for truth, elsewhere before each instant.
 TEST_F(LoopTest, SpinsAsLongAsConfigured) {
-  for (const bool capture : {false, true}) {
+  for (const auto& [clock, capture] :
+       {std::pair{ClockMode::realtime, false}, {ClockMode::realtime, true}, {ClockMode::lockstep, false}}) {
     Config c = config(200, "delay_ms = 20");
     SimulatedHost host;
     const HostTime begin = host.now();
@@ -297,6 +303,7 @@ TEST_F(LoopTest, SpinsAsLongAsConfigured) {
       host.arrivals.push_back({begin + nanoseconds(0.01 * k), std::move(bytes)});
     }
     std::vector<std::pair<HostTime, char>> sent;
+    c.clock = clock;
     c.realtime.spin = 150us;
     if (capture) c.truth.port = a_capture;
     Assembly(c, [&](const PortUse& use) -> std::unique_ptr<Port> {
@@ -304,7 +311,8 @@ TEST_F(LoopTest, SpinsAsLongAsConfigured) {
       return std::make_unique<DiaryPort>(host, sent, std::deque<HostTime>{});
     }).run(host, host.stop);
     ASSERT_GT(sent.size(), 350U);
-    EXPECT_GE(host.spun(), 150us * (sent.size() - 2)) << capture;
+    const std::size_t spins = clock == ClockMode::lockstep ? 300 : sent.size() - 2;
+    EXPECT_GE(host.spun(), 150us * spins) << capture;
   }
 }
 
@@ -414,6 +422,24 @@ TEST_F(LoopTest, AStampIsANominalPeriodLaterInFastToo) {
     const double true_s = 5 + 0.01 / 1.01 * static_cast<double>(k);
     EXPECT_NEAR(left[k].sample.rate.z(), Swing::truth(TruthTime{} + nanoseconds(true_s)).omega_BN_B.z(), 1e-4);
   }
+}
+
+// Longer than, as long as, and shorter than the wait: spinning neither misses an input nor prolongs a wait.
+TEST(MonotonicHost, FindsInputsWhileItSpins) {
+  std::array<int, 2> ends{};
+  ASSERT_EQ(::pipe2(ends.data(), O_CLOEXEC), 0);
+  const FileDescriptor out(ends[0]), in(ends[1]);
+  MonotonicHost host;
+  host.reserve_inputs(1);
+  host.watch(0, out.get(), POLLIN, false);
+  for (const Nanoseconds spin : {4ms, 2ms, 1ms}) {
+    const HostTime until = host.now() + 2ms;
+    EXPECT_TRUE(host.wait_for_input(until, spin).empty());
+    EXPECT_GE(host.now(), until);
+  }
+  ASSERT_EQ(::write(in.get(), "x", 1), 1);
+  for (const HostTime until : {host.now() + 60s, HostTime{}})
+    EXPECT_EQ(host.wait_for_input(until, 60s).size(), 1U) << "also of a wait that has ended";
 }
 
 }  // namespace

@@ -37,8 +37,9 @@ class SimulatedHost final : public Host {
   void watch(std::size_t input, int descriptor, short events, bool) noexcept override {
     inputs_[input] = (events & POLLIN) != 0 ? descriptor : -1;
   }
-  std::span<const Ready> wait_for_input(HostTime time) noexcept override {
+  std::span<const Ready> wait_for_input(HostTime time, Nanoseconds spin) noexcept override {
     HostTime until = time;
+    spun_ += spin;
     for (std::size_t i = 0; i < inputs_.size(); ++i) until = std::min(until, readable_at(i));
     go_to(std::max(now_, until));
     ready_.clear();

@@ -12,11 +12,16 @@
 #include <array>
 #include <cerrno>
 #include <csignal>
+#include <cstring>
 #include <filesystem>
 #include <fstream>
+#include <memory>
 #include <stdexcept>
 
+#include "core/imu.hpp"
+#include "emulator/config/load_config.hpp"
 #include "protocols/native_truth.hpp"
+#include "protocols/truth_format.hpp"
 #include "tests/tools/run_program.hpp"
 #include "transports/host_clock.hpp"
 
@@ -26,10 +31,13 @@ namespace {
 
 constexpr std::size_t frame_size = 112;  // about that of a native measurement
 
-// One recv, one write; if it `polls`, one ppoll before.
+enum class Work : std::uint8_t { none, polls, samples };
+
+// One recv, one write; if it `polls`, one ppoll before; if it `samples`, the truth's decoding and the sensor model's
+// step between them as well, for an imu of the configuration.
 class Relay {
  public:
-  Relay(const std::string& link, bool polls) {
+  Relay(const std::string& link, Work work, const ImuModel& model) {
     FileDescriptor master(::posix_openpt(O_RDWR | O_NOCTTY | O_CLOEXEC));
     if (!master || ::grantpt(master.get()) != 0 || ::unlockpt(master.get()) != 0) throw std::runtime_error("no pty");
     termios raw{};
@@ -46,11 +54,24 @@ class Relay {
     ::prctl(PR_SET_PDEATHSIG, SIGKILL);
     std::array<std::byte, 2048> buffer{};
     std::array<pollfd, 2> inputs{{{socket.get(), POLLIN, 0}, {master.get(), POLLIN, 0}}};
+    const bool polls = work != Work::none;
+    const std::unique_ptr<TruthDecoder> decoder = find_truth_format("native")->make(Settings{});
+    Timeline timeline;
+    Imu imu(model, 1, 1);
     while (true) {
       if (polls && ::ppoll(inputs.data(), inputs.size(), nullptr, nullptr) < 0) break;
-      if (::recv(socket.get(), buffer.data(), buffer.size(), polls ? MSG_DONTWAIT : 0) < 0) {
+      const ssize_t size = ::recv(socket.get(), buffer.data(), buffer.size(), polls ? MSG_DONTWAIT : 0);
+      if (size < 0) {
         if (polls && errno == EAGAIN) continue;
         break;
+      }
+      if (work == Work::samples) {
+        Truth truth;
+        decoder->feed(std::span(buffer).first(static_cast<std::size_t>(size)), TruthInput::datagram, {});
+        if (decoder->next(truth) != TruthResult::ok) break;
+        timeline.push(truth);
+        const Sample sample = imu.sample(timeline, truth.time, DeviceTime{truth.time.ns});
+        std::memcpy(buffer.data(), &sample.rate, frame_size);
       }
       if (::write(master.get(), buffer.data(), frame_size) < 0) break;
     }
@@ -67,6 +88,19 @@ class Relay {
  private:
   int port_ = 0;
   pid_t child_ = 0;
+};
+
+// imud in lockstep, with a pty of the name `name` in the folder.
+struct Lockstep {
+  Lockstep(const Folder& folder, const std::string& name, int spin_us) {
+    std::ofstream(folder / (name + ".toml"))
+        << config(port, "", 1, "rate_hz = 1000\nport = \"pty:" + (folder / name) + "\"") << "\n";
+    imud.start({"run", folder / (name + ".toml"), "--set", "clock=lockstep", "--set", "truth.delay_ms=0", "--set",
+                fmt::format("realtime.spin_us={}", spin_us)});
+    if (!imud.wait_for_errors("ready")) throw std::runtime_error("imud has not begun: " + imud.errors());
+  }
+  const int port = free_udp_port();
+  Program imud{"imud"};
 };
 
 FileDescriptor open_link(const std::string& link) {
@@ -118,15 +152,13 @@ class Path {
 }  // namespace
 
 Latencies measure_latency(const Folder& folder, int steps) {
-  const int imud_port = free_udp_port();
-  std::ofstream(folder / "lockstep.toml")
-      << config(imud_port, "", 1, "rate_hz = 1000\nport = \"pty:" + (folder / "lockstep") + "\"") << "\n";
-  const Relay relay(folder / "relay", false), polling(folder / "polling", true);
-  Program imud("imud");
-  imud.start({"run", folder / "lockstep.toml", "--set", "clock=lockstep", "--set", "truth.delay_ms=0"});
-  if (!imud.wait_for_errors("ready")) throw std::runtime_error("imud has not begun: " + imud.errors());
+  Lockstep plain(folder, "plain", 0), awake(folder, "awake", 1000);
+  const ImuModel model = load_config(folder / "plain.toml").imus[0].model;
+  const Relay relay(folder / "relay", Work::none, model), polling(folder / "polling", Work::polls, model),
+      sampling(folder / "sampling", Work::samples, model);
   Path through_relay(relay.port(), folder / "relay"), through_polling(polling.port(), folder / "polling");
-  Path through_imud(imud_port, folder / "lockstep");
+  Path through_sampling(sampling.port(), folder / "sampling");
+  Path through_plain(plain.port, folder / "plain"), through_awake(awake.port, folder / "awake");
   std::this_thread::sleep_for(std::chrono::milliseconds(100));  // until imud has noticed that the pty is open
 
   Latencies all;
@@ -140,9 +172,12 @@ Latencies measure_latency(const Folder& folder, int steps) {
     };
     measure(through_relay, all.relay);
     measure(through_polling, all.polling);
-    measure(through_imud, all.imud);
+    measure(through_sampling, all.sampling);
+    measure(through_plain, all.imud);
+    measure(through_awake, all.spinning);
   }
-  if (imud.stop() != 0) throw std::runtime_error("imud failed: " + imud.errors());
+  for (Program* imud : {&plain.imud, &awake.imud})
+    if (imud->stop() != 0) throw std::runtime_error("imud failed: " + imud->errors());
   return all;
 }
 
