@@ -9,13 +9,13 @@
 
 namespace imud {
 
-// Fits polynomials in time by least squares, of the eighth degree. Where more than two in three of the other points
-// lie to one side of time 0, the noise of a derivative rises steeply with the degree. There n points have the degree
-// 4 + (n + 3)/8, at most 8, and a further one, up to 10, as long as its coefficient stands out of the noise beyond
-// doubt. Coefficients from the second degree on are reduced by factors that fall with the degree and minimise the
-// estimated mean squared error, given the noise of the residuals: monotone shrinkage (R. Beran and L. Duembgen,
-// Modulation of estimators and confidence sets, The Annals of Statistics 26(5), 1998). So a constant rate is fitted
-// by a line, and a motion that stands out of the noise as without.
+// Fits polynomials in time by least squares, of the eighth degree. Where more than two thirds of the other points lie
+// to one side of time 0, the noise of a derivative rises steeply with the degree. There the degree for n points is
+// 4 + (n + 3)/8, at most 8. Further degrees, up to 10, are added as long as their coefficient stands out of the noise
+// beyond doubt. Coefficients from the second degree on are reduced by factors that fall with the degree and minimise
+// the estimated mean squared error, given the noise of the residuals: monotone shrinkage (R. Beran and L. Duembgen,
+// Modulation of estimators and confidence sets, The Annals of Statistics 26(5), 1998). A constant rate is thus fitted
+// by a line, and a motion that stands out of the noise is hardly reduced.
 //
 // The constructor allocates all memory; nothing else here allocates, locks or throws. The same bits on every machine.
 // Not thread-safe.
@@ -31,20 +31,20 @@ class PolynomialFit {
   explicit PolynomialFit(std::size_t most_points);
 
   void clear() noexcept { count_ = 0; }
-  // Adds a point later than the one before, s; at most `most_points` since clear().
+  // Adds a point at `time_s`, s, after the time of the previous point. Adds at most `most_points` after clear().
   void add(double time_s, const Vector3& value) noexcept { points_[count_++] = {time_s, 0.0, 1.0, value}; }
-  // Where coefficients are reduced: only where the points lie to one side, or wherever there are more points than
-  // coefficients, so that the points show the noise.
+  // Selects the fits whose coefficients are reduced: fits whose points lie to one side, or all fits with more points
+  // than coefficients, because such points show the noise.
   enum class Reduce : std::uint8_t { to_one_side, always };
-  // Returns the fit's derivatives at time 0, which must be the time of a point. Must be called only once after the
-  // last add().
+  // Returns the derivatives of the fit at time 0. Requires a point at time 0. Must be called only once after the last
+  // add().
   Derivatives at_0(Reduce reduce = Reduce::to_one_side) noexcept;
 
  private:
   struct Point {
-    double x;            // s, then relative to the scale
+    double x;            // s; at_0() divides it by the scale
     double before, now;  // p_k-1 and p_k at x
-    Vector3 value;       // then less the fit
+    Vector3 value;       // at_0() subtracts the fit from it
   };
   std::vector<Point> points_;
   std::size_t count_ = 0;

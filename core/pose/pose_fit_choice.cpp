@@ -31,7 +31,7 @@ double PoseFit::shortest_s() const noexcept {
   return std::max(delay_s_, 3.0 * (since_s(end - 1) - since_s(segment_)) / static_cast<double>(steps));
 }
 
-// Returns whether the truths have come on which the choice depends.
+// Returns true if all truths on which the choice depends have come.
 bool PoseFit::has_all_ahead() const noexcept {
   const std::size_t end = segment_end(), after = end - 1 - next_;
   if (end < count_ || ended_ || after >= 3 * most) return true;
@@ -81,7 +81,7 @@ void PoseFit::probe(Quantity quantity, std::size_t i, std::size_t end, double de
   if (energies == 0.0) return;
   energy /= energies;
 
-  std::size_t first = i, last = i;  // of what phi_ has
+  std::size_t first = i, last = i;  // the truths whose values are in phi_
   phi_[most].setZero();
   for (std::size_t k = 0; k <= static_cast<std::size_t>(options_.widest); ++k) {
     const double reach = factors[k] * delay_s + half_step;
@@ -109,8 +109,8 @@ void PoseFit::probe(Quantity quantity, std::size_t i, std::size_t end, double de
 
 // Returns the level of the next truth.
 std::size_t PoseFit::choose(Quantity quantity, std::size_t end, double delay_s) const noexcept {
-  // Twice the change by noise is where the errors are equal. Estimates from so few truths scatter, the more as noise
-  // of time stamps comes and goes with the speed: with 2 in place of 4, some stretches kept windows that are too
+  // At twice the change by noise, both windows have equal errors. Estimates from so few truths scatter, the more as
+  // the noise of time stamps depends on the speed: with 2 in place of 4, some stretches kept windows that are too
   // short.
   constexpr double margin = 4.0, enough_better = 0.7, least_probes = 4.0;
   const double ahead = factors[static_cast<std::size_t>(options_.widest)] * delay_s, before = neighbourhood * delay_s;

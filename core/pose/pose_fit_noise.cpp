@@ -72,8 +72,8 @@ double PoseFit::explained(Quantity quantity, bool is_velocity, double span_s) no
   return 0.5 * (quantity == attitude ? most_angular : most_linear) * span_s * span_s;
 }
 
-// Removes the clearest of the groups that lie in the segment from `begin` to `end`, that end from `from` on, and
-// before `to`, or what next() has not taken of it. Returns whether there was one.
+// Removes the clearest outlier group of the segment from `begin` to `end`. Only groups whose last truth is at `from`
+// or later, and before `to`, are tested. Truths that next() has taken remain. Returns true if a group was removed.
 bool PoseFit::refuse_outliers(std::size_t begin, std::size_t end, std::size_t from, std::size_t to) noexcept {
   Suspect suspect;
   for (std::size_t last = std::max(from, begin); last < to; ++last)
@@ -99,14 +99,15 @@ bool PoseFit::refuse_outliers(std::size_t begin, std::size_t end, std::size_t fr
   (turns ? outliers_.angle : outliers_.distance) = suspect.distance;
   (turns ? outliers_.distance : outliers_.angle) = 0.0;
   (turns ? outliers_.angle_bound : outliers_.distance_bound) = suspect.bound;
-  // One item beyond has a truth that is being pushed.
+  // The item at index count_ has the truth that push() is adding.
   for (std::size_t i = after; i <= count_; ++i)
     items_[(oldest_ + i - removed) % capacity] = items_[(oldest_ + i) % capacity];
   count_ -= removed;
   return true;
 }
 
-// Tests the truths that the newest gives a third neighbour after them; the first ones when nine more have come.
+// Tests the groups whose third later neighbour is the newest truth. The first groups of a segment are tested when the
+// segment has 13 truths.
 bool PoseFit::refuse_outliers() noexcept {
   constexpr std::size_t first_test = 13, beside = 3;
   const std::size_t length = count_ - newest_segment_;
@@ -115,7 +116,7 @@ bool PoseFit::refuse_outliers() noexcept {
   return refuse_outliers(newest_segment_, count_, from, count_ - beside);
 }
 
-// The newest segment has ended: tests the truths that have fewer than three after them.
+// Tests the groups of the newest segment, which has ended, that have fewer than three later neighbours.
 void PoseFit::refuse_outliers_at_end() noexcept {
   constexpr std::size_t first_test = 13, beside = 3;
   for (std::size_t i = 0; i < longest_run; ++i) {
