@@ -159,8 +159,8 @@ struct DeviceCounter {
   std::string_view warning = "";  // logged when it is first counted: the meaning and the remedy; empty: nothing
 };
 
-// One identifier under which a product sends on a CAN bus. A transfer of several frames with the same identifier
-// counts each of them.
+// One identifier under which a product sends on a CAN bus. Where a transfer consists of several frames with this
+// identifier, each of these frames counts.
 struct CanMessage {
   CanHeader can;
   std::size_t max_size = 0;     // data bytes of its longest frame

@@ -22,22 +22,24 @@
 
 namespace imud {
 
-// One line, or two if the product's second UART is connected, by Frame::uart; and the copies of the first. After
-// construction nothing here allocates, locks or throws, except enable_faults() and commit(), and only the wait
-// functions wait. One thread; replaced() may be used by any.
+// Has one line, or two if the product's second UART is connected; Frame::uart selects the line. Has the copies of the
+// first line, too. After construction only enable_faults() and commit() allocate, lock or throw, and only the wait
+// functions wait. Must be used by one thread; any thread may use replaced().
 class Lines {
  public:
   // Opens the ports of the imu with that number. `device` has the settings of its UARTs. Throws PortError.
   Lines(const ImuConfig& config, std::size_t imu, const Ports& ports, const Device& device, StepSink& sink);
-  // Wraps the ports, so that faults of the wire act on them. `faults`: of the run.
+  // Wraps each port in a WirePort, on which the faults of the wire act. `faults` are the configured faults of the
+  // run, from which the CAN filters are computed. `seed` is the run's seed.
   void enable_faults(const ImuConfig& config, std::uint64_t seed, std::span<const FaultConfig> faults);
-  // Sets the faults of the wire of the sample at `time`, after enable_faults().
+  // Sets the faults that act on the wire during the sample at `time`. Requires enable_faults().
   void set_faults(std::span<const ActiveFault> faults, DeviceTime time) noexcept;
 
   std::span<DeviceLine> all() noexcept { return {lines_.data(), count_}; }
   std::span<const DeviceLine> all() const noexcept { return {lines_.data(), count_}; }
   Copies& copies() noexcept { return copies_; }
-  // The filters of the CAN bus (Port::set_filters()). They do not change: any thread.
+  // The filters of the CAN bus (Port::set_filters()). Any thread may call this after enable_faults(), because the
+  // filters do not change afterwards.
   std::span<const CanFilter> can_filters() const noexcept { return can_filters_; }
 
   // Passes frames of the device's time `time` to the ports of their UARTs, by Port::reply() or by Port::send().
@@ -55,20 +57,20 @@ class Lines {
   // `has_received`. Returns false if ::poll() would return at once again, because of more bytes or a lasting error.
   template <class Propose>
   bool serve(Propose propose, bool& has_received) noexcept;
-  // Sends the frames that the ports hold back, as far as they can now. Returns true if they held any.
+  // Sends as many of the frames that the ports hold back as the ports take now. Returns true if a port held frames.
   bool flush() noexcept;
   // Returns when flush() has to be called next; nullopt if nothing waits for a time.
   std::optional<HostTime> next_flush() const noexcept;
   // Waits until each port has room for the frames of a sample, so that nothing is dropped where the host's clock does
-  // not pace; or until all frames are sent. If the reader or the bus accepts nothing for 2 s, the port is no longer
-  // waited for until it has accepted all frames. Also returns when `stop` is set.
+  // not pace the run. If the reader or the bus of a port accepts nothing for 2 s, later calls do not wait for this
+  // port until it has accepted all its frames. Also returns when `stop` is set.
   void wait_for_room(const std::atomic<bool>& stop) noexcept {
     if (never_waits()) return;
     if (lines_[0].may_lack_room()) wait_for_room(lines_[0], stop);
     if (count_ == 2 && lines_[1].may_lack_room()) wait_for_room(lines_[1], stop);
     if (!copies_.empty()) copies_.wait_for_room(stop);
   }
-  // Returns false, without a wait, if all ports are files.
+  // Waits as wait_for_room() does, until all frames are sent. Returns false, without a wait, if all ports are files.
   bool wait_until_sent(const std::atomic<bool>& stop) noexcept;
   // Discards the frames that the ports still hold back; they count as dropped.
   void discard_pending() noexcept;
@@ -84,7 +86,7 @@ class Lines {
   Replaced& replaced() noexcept { return replaced_; }
   // Returns true if a port's state is not the state in the counters.
   bool has_new_state(const ImuCounters& counters) const noexcept;
-  // Computes the counters of the ports again. `lost`: further frames that are dropped.
+  // Writes the current counts of the ports to `counters`. `lost` is the number of further frames that were dropped.
   void publish(ImuCounters& counters, std::uint64_t lost) const noexcept;
 
  private:

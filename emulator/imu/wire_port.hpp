@@ -27,8 +27,8 @@ class Copies;
 //
 // A frame that a fault loses on the wire counts as sent, because the device has sent it. It counts as dropped where
 // the port itself would drop it: the cable is out, the controller is off the bus, or the line is busy. Frames that
-// others send (garbage, other nodes) are not counted. All frames that are due since the last sample leave at once,
-// before the frames of the sample.
+// others send (garbage, other nodes) are not counted. All frames of others that are due since the last sample leave
+// at once, before the frames of the sample.
 //
 // Frames are dropped or changed in the call that brings them. Frames that the port held back before pass unchanged.
 class WirePort final : public Port {
@@ -37,19 +37,20 @@ class WirePort final : public Port {
   static constexpr std::size_t max_active = 32;
 
   struct Line {
-    std::string_view imu;  // its name, by which the random numbers differ; only used by the constructor
-    unsigned number = 0;   // of the line: 0, or 1 for the second UART's line
+    std::string_view imu;  // the imu's name, which selects the random numbers; only used by the constructor
+    unsigned number = 0;   // the line's number: 0, or 1 for the second UART's line
     const Protocol* protocol = nullptr;
     double rate_hz = 0;      // of the samples
     UartSettings uart = {};  // the characters; baud 0: not known
-    double bit_rate = 0;     // bit/s of line or bus; 0: not known, or `uart` gives it
+    double bit_rate = 0;     // bit/s of line or bus; 0 if the rate is not known, or is in `uart`
     // Writes the checks of the frames; nullptr: the frames have none.
     std::unique_ptr<FrameSeal> seal = nullptr;
   };
   WirePort(std::unique_ptr<Port> port, Line line, std::uint64_t seed);
 
-  // Sets the faults of the next sample. Called before the frames of each sample, and of the deadlines up to it, are
-  // sent. No allocation.
+  // Sets the faults of the next sample, and sends the frames that other senders have put on the bus since the last
+  // call. Must be called once for each sample, before the frames of the sample and of the device's deadlines up to
+  // the sample are sent. No allocation.
   void set_active(std::span<const ActiveFault> faults) noexcept;
   // From now on gives `sink` the frames that leave, with the number `interface`, and the dropped frames, with the
   // number `interface` + 2.
@@ -57,7 +58,7 @@ class WirePort final : public Port {
     sink_ = &sink;
     interface_ = interface;
   }
-  // Sets the rate of the samples from the next one on.
+  // Sets the rate of the samples from the next sample on.
   void set_rate(double rate_hz) noexcept { period_s_ = 1 / rate_hz; }
   // Exchanges the writer of the checks, for a device with other settings.
   void exchange(std::unique_ptr<FrameSeal>& seal) noexcept { std::swap(seal_, seal); }
@@ -99,7 +100,7 @@ class WirePort final : public Port {
   // The way of the frames of a sample.
   enum class Passage : std::uint8_t {
     open,
-    lost,     // they leave the device, and arrive nowhere
+    lost,     // the frames leave the device, and arrive nowhere
     dropped,  // the port does not accept them
   };
 

@@ -34,7 +34,7 @@ struct FaultParameter {
   double min = -1e9, max = 1e9;
   // The key is in the target's unit, SI, or has the unit as its suffix: value_deg_per_s.
   bool has_targets_unit = false;
-  bool is_per_s = false;  // the number is so much in each second
+  bool is_per_s = false;  // the number is a rate, per second
 };
 
 // The enumerator of a kind of fault in the enum of the kind's seam, such as SensorFault::bias.
@@ -68,13 +68,13 @@ struct FaultKind {
   std::span<const FaultParameter> parameters = {};
   bool has_axes = false;  // the target may be one axis: "gyro.x"
   bool is_ramped = true;  // the effect is proportional to a weight; false: the effect is on or off
-  bool is_event = false;  // it happens at its begin, and has no duration
+  bool is_event = false;  // the fault acts at its begin, and has no duration
   // The state that stays after the end, and how long: "the counter stays ahead to the end of the run". Empty: bytes
   // after the end equal a run without the fault.
   std::string_view stays = {};
   bool in_lockstep = true;       // false: the simulator would wait for ever
-  bool has_settings = false;     // it has a product's settings: FaultConfig::settings
-  bool needs_self_test = false;  // the product must have one
+  bool has_settings = false;     // the fault has a product's settings: FaultConfig::settings
+  bool needs_self_test = false;  // the product must have a self test
 };
 
 // Returns true if `table`, the kinds of one seam, has exactly one kind for each of the `count` codes of that seam, in
@@ -88,15 +88,15 @@ constexpr bool has_every_code(std::span<const FaultKind> table, std::size_t coun
 // A fault during one sample.
 struct ActiveFault {
   const FaultKind* kind = nullptr;
-  std::uint32_t number = 0;  // of the fault in the configuration
+  std::uint32_t number = 0;  // the fault's number in the configuration
   std::uint8_t target = 0;   // index into FaultKind::targets
   std::uint8_t axes = 7;     // bits of x, y and z
   // The kind's parameters, in order, as drawn for this occurrence.
   std::array<double, FaultKind::max_parameters> parameters = {};
   double weight = 1;             // from 0 to 1: below 1 during the ramps
-  std::uint64_t since = 0;       // samples since its begin; 0 in its first
-  std::uint64_t occurrence = 0;  // of a repeated fault, from 0
-  bool is_last = false;          // the sample is its last, as far as that is known by its times
+  std::uint64_t since = 0;       // samples since the occurrence began; 0 in its first sample
+  std::uint64_t occurrence = 0;  // number of the occurrence of a repeated fault, from 0
+  bool is_last = false;          // the sample is the occurrence's last, as far as the configured times show
 };
 
 }  // namespace imud

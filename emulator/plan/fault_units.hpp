@@ -8,7 +8,8 @@
 
 namespace imud {
 
-// Returns the units of a target's values, without offsets; the first is the SI unit. Empty: the values have none.
+// Returns the units in which a fault of `target` may give its values; the first is the SI unit, or the degree
+// Celsius. No unit has an offset (KeyUnit). Empty if the values have no unit.
 std::span<const KeyUnit> fault_units(std::string_view target) noexcept;
 
 }  // namespace imud

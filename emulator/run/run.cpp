@@ -154,7 +154,7 @@ std::string labels(Engine& engine, const Config& config, std::string_view file) 
 
 int run(const Config& config, const RunOptions& options) {
   std::signal(SIGPIPE, SIG_IGN);
-  std::signal(SIGXFSZ, SIG_IGN);  // a limit of the files' size is an error of the write, as a full disk is
+  std::signal(SIGXFSZ, SIG_IGN);  // a write beyond the limit of file sizes then fails, as on a full disk
   asio::io_context io;
   std::atomic<bool> stop = false;
   EndedBy stopped_by = EndedBy::signal;

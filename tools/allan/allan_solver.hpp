@@ -35,8 +35,8 @@ class AllanSolver {
   // Chooses the misfit for which the residuals of the solution have the expected size.
   void choose_misfit();
   double misfit() const noexcept { return misfit_; }
-  // Chooses the averaging time from which on flicker is flat, with which the solution with these terms is closest to
-  // the points.
+  // Chooses the averaging time from which on flicker is flat: the time for which the solution with these terms is
+  // closest to the points. Chooses 0, flat at all times, if no other time is clearly closer.
   void choose_flicker_band(TermSet allowed);
   double flicker_from_s() const noexcept { return flicker_from_; }
 
@@ -61,18 +61,20 @@ class AllanSolver {
   double period_;
   double length_;
   double misfit_ = 0;
-  Eigen::VectorXd measured_;       // the variance of each point
-  Eigen::VectorXd degrees_;        // of freedom, by the noise identified
-  Eigen::MatrixXd spread_;         // the root of twice the inverse degrees, if the noise is the term's alone
-  Eigen::MatrixXd unit_;           // a row for each point, a column for each term
-  Eigen::ArrayXd frequency_;       // Hz, in equal steps of the logarithm
-  Eigen::ArrayXd step_;            // Hz, of the integral over the frequency
-  Eigen::MatrixXd gain_;           // a column for each point: its response to the density
-  double first_band_, last_band_;  // s, the range of the averaging times from which on flicker is flat
+  Eigen::VectorXd measured_;  // the variance of each point
+  Eigen::VectorXd degrees_;   // the degrees of freedom of each point, by the identified noise
+  Eigen::MatrixXd spread_;    // sqrt(2/degrees) of each point, for each term as the only noise
+  Eigen::MatrixXd unit_;      // a row for each point, a column for each term
+  Eigen::ArrayXd frequency_;  // Hz, in equal steps of the logarithm
+  Eigen::ArrayXd step_;       // Hz, of the integral over the frequency
+  Eigen::MatrixXd gain_;      // a column for each point: its response to the density
+  // s, the shortest and longest averaging time that choose_flicker_band() tries as the start of the flat part
+  double first_band_, last_band_;
   double flicker_from_ = 0;
   Eigen::ArrayXd flicker_density_;                 // relative to B^2/(2 pi f)
   Eigen::VectorXd flicker_unit_, flicker_spread_;  // the columns of unit_ and spread_, without a band
-  Eigen::VectorXd flicker_change_;  // of that column by the logarithm of the band; empty as long as no band is chosen
+  // The derivative of the flicker column of unit_ by the logarithm of the band; empty before a band is chosen.
+  Eigen::VectorXd flicker_change_;
 };
 
 }  // namespace imud

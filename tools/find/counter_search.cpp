@@ -298,7 +298,7 @@ void find_lengths(std::vector<FoundMessage>& messages) {
               return may_be_length(message, length) && plus_of(message) == plus;
             }))
           continue;
-        // With one length alone, the number must be the size of a part of the frame.
+        // If all messages have the same length, the number must be the size of a part of the frame.
         const int usual = find_counted(first, length) + (differ ? 4 : 0);
         if (usual <= best) continue;
         best = usual;

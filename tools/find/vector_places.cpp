@@ -13,7 +13,8 @@ constexpr std::size_t most_vectors = 1500;
 constexpr std::size_t pairs_of_frames = 512;  // of frames
 // A number that follows the motion changes from frame to frame by less than this share of all its changes.
 constexpr double most_vector_step = 0.6;
-constexpr double times_still = 4;  // and by so much more than at rest
+// Its standard deviation is above this multiple of the standard deviation at rest.
+constexpr double times_still = 4;
 
 std::vector<FrameNumber> number_types() {
   using enum FrameNumber::Format;
@@ -53,8 +54,8 @@ std::size_t high_byte(const VectorPlace& place) {
   return place.first.at + (place.first.type.is_big ? 0 : place.first.type.bytes - 1);
 }
 
-// Returns true if `wide` is `narrow`, whose high bytes are the same, with further low bytes, which take all values
-// alike.
+// Returns true if `wide` is the number `narrow` with further low bytes, and the highest of these further bytes takes
+// all values equally often. Requires that both have the same high bytes.
 bool is_wider(const VectorPlace& wide, const VectorPlace& narrow, const HandledFrames& frames) {
   const FrameNumber &type = wide.first.type, &other = narrow.first.type;
   if ((other.bytes > 1 && (type.is_big != other.is_big || type.format != other.format)) || type.bytes <= other.bytes)

@@ -25,12 +25,12 @@ struct VectorPlace {
   bool overlaps(const VectorPlace& other) const;
 };
 
-// Returns at most 1500 vectors that lie in free bytes and have at least two lively components. `is_free`: of each
-// message, its bytes that have no meaning yet.
+// Returns at most 1500 vectors that lie in free bytes and have at least two lively components. `is_free` has a flag
+// for each byte of each message: true if the byte has no meaning yet.
 std::vector<VectorPlace> find_vectors(const HandledFrames& frames, const std::vector<std::vector<bool>>& is_free);
 
-// Returns how much the lively components change from frame to frame while turned, relative to all their changes:
-// least for the reading that has the right bytes.
+// Returns how much the lively components change from frame to frame while the sensor is turned, relative to all their
+// changes. The reading with the right bytes has the smallest roughness.
 double roughness(const VectorPlace& place, const HandledFrames& frames);
 
 // Vectors with the same high bytes count as one vector: returns the indices of the vectors to keep. A wider number
