@@ -82,11 +82,11 @@ class Triad {
   void seek(const Normals& normals, std::uint64_t k) noexcept {
     each([&normals, k](auto& effect) { effect.seek(normals, k); });
   }
-  // `number`: of this power on, from 0.
+  // `number` is the number of this power on, from 0.
   void power_on(std::uint64_t number) noexcept {
     each([number](auto& effect) { effect.power_on(number); });
   }
-  // After this apply() may have other Normals.
+  // Discards numbers drawn in advance, so that apply() may have other Normals afterwards.
   void forget_numbers() noexcept {
     each([](auto& effect) {
       if constexpr (requires { effect.forget_numbers(); }) effect.forget_numbers();

@@ -33,7 +33,7 @@ class Oscillator {
  public:
   static constexpr double most = 0.1;  // the limit of |y|
 
-  // `grid`: of the samples. `temperature` and `constant_c`: the arguments of Temperature.
+  // `grid` is the grid of the samples. `temperature` and `constant_c` are the arguments of Temperature.
   Oscillator(const OscillatorModel& model, const TemperatureModel& temperature, double constant_c, const Grid& grid);
 
   // Returns false if the clock has the frequency of its grid.

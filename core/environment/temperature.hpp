@@ -39,12 +39,13 @@ class Temperature {
   // Returns false if sensor and measurement have the constant temperature.
   bool is_on() const noexcept { return on_; }
   bool follows_truth() const noexcept { return model_.from_truth; }
-  // Computes the temperatures of the sample at `t`, s, later than the last; `truth_c`: of the surroundings.
+  // Computes the temperatures of the sample at `t`, s, which must be after the last `t`. `truth_c` is the truth's
+  // temperature of the surroundings.
   [[gnu::noinline]] void update(double t, std::optional<double> truth_c) noexcept;
   // Switch the power off, or on, at `t`, s. After power_on() the times of later calls count from that instant.
   void power_off(double t) noexcept;
   void power_on(double t) noexcept;
-  // Goes on from the temperature of `before` until the next update(), and from its warm-up.
+  // Takes over the warm-up of `before`, and its temperature until the next update().
   void continue_from(const Temperature& before) noexcept;
   // Return the temperatures that the last update() has computed, degrees Celsius, and the mean derivative of the
   // sensor's temperature between the last two updates, K/s.

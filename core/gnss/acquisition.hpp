@@ -13,7 +13,7 @@ namespace imud {
 // throws; not thread-safe.
 class Acquisition {
  public:
-  // `rate_hz`: of the samples, above 0.
+  // `rate_hz` is the rate of the samples, above 0.
   Acquisition(const GnssModel& model, double rate_hz) noexcept
       : first_(samples(model.first_fix_s, rate_hz)), again_(samples(model.reacquire_s, rate_hz)) {}
 
@@ -37,8 +37,8 @@ class Acquisition {
     has_had_fix_ = true;
     in_view_ = again_;
   }
-  // Goes on where `before`, of other times, was. `is_fixed`: the last sample had a fix, which `before` may not have
-  // seen (is_on()).
+  // Takes over the state of `before`, which may have other search times. `is_fixed`: the last sample had a fix;
+  // `before` does not know of this fix if it was not on (is_on()).
   void continue_from(const Acquisition& before, bool is_fixed) noexcept {
     has_had_fix_ = before.has_had_fix_ || is_fixed;
     in_view_ = is_fixed ? again_ : before.in_view_;

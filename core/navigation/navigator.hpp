@@ -31,7 +31,7 @@ void tune(NavigatorModel& navigator, const ImuModel& imu) noexcept;
 class Navigator {
  public:
   // NavigationErrors::latency is the age of the receiver's fixes. Up to about a second the covariance allows for it.
-  // `normals`: of the imu, for the noise of the antennas.
+  // `normals` are the random numbers of the imu, for the noise of the antennas.
   Navigator(const NavigatorModel& model, const ImuModel& imu, const Normals& normals = {0, 0});
 
   // Makes the next sample the first of a run, or of a power on: the alignment begins.
@@ -45,8 +45,8 @@ class Navigator {
   // again, and ends with this heading. Later the filter turns to it at once, unless it is `only_in_alignment`.
   void give(const GivenHeading& heading) noexcept;
   // Replaces the place and the attitude of a sample by the filter's solution. On entry, the place must be the
-  // receiver's fix, and the attitude the true one; faults may have changed both. `time`: of the truth that the sample
-  // measured; `earth_angle`: PositionVelocity's.
+  // receiver's fix, and the attitude the true one; faults may have changed both. `time` is the time of the truth that
+  // the sample measured; `earth_angle` is PositionVelocity::earth_angle at this time.
   void take(Sample& sample, TruthTime time, std::optional<double> earth_angle) noexcept;
 
   // Does the same for a vehicle at rest before the first truth of a run. The solution is then aligning.

@@ -14,7 +14,7 @@ namespace imud {
 // throws; not thread-safe.
 class OwnSolution {
  public:
-  // `normals`: of the imu.
+  // `normals` are the random numbers of the imu.
   OwnSolution(const NavigatorModel& model, const ImuModel& imu, const Normals& normals)
       : of_(made(model, imu, normals)) {}
 

@@ -98,8 +98,9 @@ CampaignCase case_of(const Campaign& campaign, std::uint64_t index);
 // columns.
 std::vector<std::pair<std::string, std::string>> columns_of(const Campaign& campaign, const CampaignCase& c);
 
-// Returns the campaign in which the axis has the value `text` where case `index` has its own value. `text`: in the
-// form for tables. Throws OpenError if there is no axis of that name, or if the axis sets other keys than its name.
+// Returns the campaign in which the axis has the value `text` where case `index` has its own value. `text` must have
+// the form for tables. Throws OpenError if there is no axis of that name, or if the axis sets other keys than its
+// name.
 Campaign with_axis_value(const Campaign& campaign, std::uint64_t index, const std::string& axis,
                          const std::string& text);
 

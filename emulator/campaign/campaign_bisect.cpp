@@ -45,7 +45,8 @@ class AxisSearch {
   AxisSearch(const Campaign& campaign, std::string axis, std::uint64_t index)
       : campaign_(campaign), axis_(std::move(axis)), index_(index) {}
 
-  // Returns a few lines for people, with '\r' between them. `plan`: of the command that repeats a case.
+  // Returns a few lines for people, with '\r' between them. `plan` is the plan's name in the printed command that
+  // repeats a case.
   std::string run(const std::vector<AxisPoint>& values, double tolerance, const std::string& plan) {
     std::vector<AxisPoint> points;
     for (const AxisPoint& value : values) points.push_back(tried(value.value, value.text));

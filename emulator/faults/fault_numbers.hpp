@@ -14,8 +14,8 @@ namespace imud {
 class FaultNumbers {
  public:
   FaultNumbers() noexcept : FaultNumbers(0, 0, 0, 0) {}
-  // `stream`: of the place at which the fault acts (stream_id()). `number`: of the fault in the configuration.
-  // `first`: the place of the first returned number among the occurrence's numbers.
+  // `stream` is the stream of the place at which the fault acts (stream_id()). `number` is the fault's number in the
+  // configuration. `first` is the index of the first returned number among the occurrence's numbers.
   FaultNumbers(std::uint64_t seed, std::uint32_t stream, std::uint32_t number, std::uint64_t occurrence,
                std::uint64_t first = 0) noexcept
       : normals_(seed, stream_of(stream, number)), next_((occurrence << 40U) + first) {}

@@ -19,15 +19,16 @@ namespace imud {
 // allocation after construction, no lock; one thread.
 class FaultSchedule {
  public:
-  // `faults` and `normals`, by their numbers, must outlive this; faults that do not act on the imu are ignored. There
-  // are as many numbers as normals. `log` receives begins and ends. `rate_hz`: of the samples.
+  // `faults` and `normals` must outlive this. The number of a fault is its index in both; `normals` has elements for
+  // faults that are added later, too. Faults that do not act on the imu are ignored. `log` receives begins and ends.
+  // `rate_hz` is the rate of the samples.
   FaultSchedule(std::span<const FaultConfig> faults, std::span<const Normals> normals, std::string_view imu,
                 std::uint16_t imu_number, double rate_hz, FaultLog& log);
-  // Sets the rate of the samples from the next one on.
+  // Sets the rate of the samples from the next sample on.
   void set_rate(double rate_hz) noexcept { period_s_ = 1 / rate_hz; }
 
   bool empty() const noexcept { return states_.empty(); }
-  // Returns whether a fault acts on the sample.
+  // Returns true if a fault acts on the sample.
   bool acts() const noexcept { return !active_.empty(); }
   // Begins a run. Active faults end with the last sample of the old run. Configured faults begin again. Added faults
   // are removed; faults added before the first run go on in it.
@@ -42,8 +43,8 @@ class FaultSchedule {
   // clock of the host paces the samples.
   void take(const Sample& sample, Nanoseconds since_begin,
             std::optional<std::int64_t> utc_ns = std::nullopt) noexcept;
-  // The same for a sample before the first truth, on which only added faults act. `since`: of the sample,
-  // since any instant.
+  // Determines the faults of a sample before the first truth, on which only added faults act. `since` is the time of
+  // the sample since any instant.
   void take_at_rest(const Sample& sample, Nanoseconds since,
                     std::optional<std::int64_t> utc_ns = std::nullopt) noexcept;
   // Counts `errors`, of the unit's own solution at the last sample, as effects of the faults that act on that sample

@@ -32,12 +32,12 @@ namespace imud {
 // wait. One thread; the counters may be read by any.
 class Channel {
  public:
-  // Opens the ports and the pins of the imu with that number. `sink` takes the frames. `faults`: nullptr: there are
-  // none. Throws PortError.
+  // Opens the ports and the pins of the imu with that number. `sink` takes the frames. `faults` is nullptr if
+  // there are none. Throws PortError.
   Channel(const ImuConfig& config, std::size_t number, std::uint64_t seed, const Ports& ports,
           StepSink& sink = StepSink::none(), std::unique_ptr<ChannelFaults> faults = nullptr);
   // Prepares for faults of the wire and of the power, which the constructor does if there are faults. `config` and
-  // `seed`: of the constructor. Called before power_on(). Throws as Protocol::make does.
+  // `seed` must be the arguments of the constructor. Must be called before power_on(). Throws as Protocol::make does.
   void enable_faults(const ImuConfig& config, std::uint64_t seed);
 
   const std::string name;

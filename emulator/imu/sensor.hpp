@@ -20,7 +20,7 @@ namespace imud {
 // allocates, locks or throws. One thread.
 class Sensor {
  public:
-  // `faults`: of the imu; nullptr: there are none.
+  // `faults` are the faults of the imu; nullptr if there are none.
   Sensor(const ImuConfig& config, std::uint64_t seed, ChannelFaults* faults);
 
   Imu& imu() noexcept { return imu_; }

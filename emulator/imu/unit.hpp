@@ -21,7 +21,7 @@ namespace imud {
 // throws. One thread.
 class Unit {
  public:
-  // `faults`: of the imu; nullptr: there are none.
+  // `faults` are the faults of the imu; nullptr if there are none.
   Unit(const ImuConfig& config, ChannelFaults* faults);
   // Prepares for faults of the power: makes a second device with the settings as delivered. Throws as Protocol::make.
   void enable_faults(const ImuConfig& config, std::uint64_t seed);

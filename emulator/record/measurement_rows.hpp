@@ -12,11 +12,11 @@
 
 namespace imud {
 
-// The truth at a measurement, without errors, by truth_columns(). The increments count from the measurement
-// before. If only some measurements carry increments, they count from the one before that does, and are NaN in the
-// others.
+// The truth at a measurement, without errors, by truth_columns(). The increments count from the previous
+// measurement. If only some measurements carry increments, the increments count from the previous measurement with
+// increments, and are NaN in measurements without.
 struct TrueRow {
-  std::int64_t time_ns;  // of the sample, by the sensor's own clock
+  std::int64_t time_ns;  // the time of the sample by the sensor's own clock
   TrueValues values;
 };
 

@@ -34,7 +34,7 @@ class TransmitPdos {
   // are not used.
   void add(const Sample& sample) noexcept;  // before on_sample()
   void on_sample(const Reading& reading, FrameBuffer& out) noexcept;
-  // `counter`: of the SYNC; 0: the SYNC has no counter.
+  // `counter` is the counter of the SYNC; 0 if the SYNC has no counter.
   void on_sync(unsigned counter, const Reading& reading, FrameBuffer& out) noexcept;
   // Answers a remote request. Returns false if no PDO has this identifier.
   bool on_remote(std::uint32_t id, const Reading& reading, FrameBuffer& out) noexcept;

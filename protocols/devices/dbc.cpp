@@ -141,7 +141,8 @@ void check_cycle(const DbcMessage& message, double rate_hz) {
   refuse("dbc_file", "line " + std::to_string(message.line) + ": message " + message.name + ": " + numbers);
 }
 
-// Returns the messages that the settings select. `rate_hz`: of the samples; infinity: not known yet.
+// Returns the messages that the settings select. `rate_hz` is the rate of the samples; infinity if it is not known
+// yet.
 std::vector<SignalMessage> messages_of(const Settings& settings,
                                        double rate_hz = std::numeric_limits<double>::infinity()) {
   const std::string& path = settings.text("dbc_file");

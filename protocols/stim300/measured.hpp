@@ -13,8 +13,8 @@ class Measured {
  public:
   // Adds a sample, with the configured g-compensation and the bias trim offsets; records overloads in the errors of
   // `memory`. In a sample without inclinometers, which is of a run that was recorded before they had errors of their
-  // own, the accelerometers take their place. `g_sensitivity`: of the gyros, rad/s/(m/s^2), as the unit's calibration
-  // has it.
+  // own, the accelerometers take their place. `g_sensitivity` is the gyros' sensitivity to acceleration by the
+  // unit's calibration, rad/s/(m/s^2).
   void add(const Sample& sample, bool is_starting, const Matrix3& g_sensitivity, Memory& memory) noexcept;
   // Restarts the sums. Call this after a transmission.
   void begin_sums() noexcept {

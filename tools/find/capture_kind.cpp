@@ -57,7 +57,7 @@ std::size_t escaped_bytes(Stream bytes, FrameEscape escape) {
 bool is_numeric(char c) { return (c >= '0' && c <= '9') || c == '-' || c == '+' || c == '.'; }
 bool is_hexadecimal(char c) { return is_numeric(c) || (c >= 'A' && c <= 'F'); }
 
-// Returns the line with `#` in place of each number; `is_digit`: of a character that numbers have.
+// Returns the line with `#` in place of each number. `is_digit` returns true for a character that numbers have.
 std::string shape_of(std::string_view line, bool (*is_digit)(char)) {
   std::string shape;
   for (const char c : line)

@@ -18,7 +18,7 @@ std::optional<FrameEscape> find_escape(std::span<const std::byte> capture);
 std::vector<std::byte> without_escape(std::span<const std::byte> capture, FrameEscape escape);
 
 // Returns the beginning of a description of lines of text, in comments; empty if the capture has other bytes, or
-// fewer than 8 lines. `source`: of the capture, for people.
+// fewer than 8 lines. `source` is the name of the capture in the comments.
 std::string describe_lines(std::span<const std::byte> capture, const std::string& source);
 
 }  // namespace imud

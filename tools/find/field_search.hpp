@@ -13,8 +13,8 @@
 namespace imud {
 
 // Adds fields and notes to the messages. The first `turned_bytes` of the stream are the capture of the sensor
-// turned by hand, all other bytes are the capture at rest. `rate_hz`: of the most frequent messages; 0: not known.
-// Returns remarks about the whole, a line each: among them, what these captures do not show.
+// turned by hand, all other bytes are the capture at rest. `rate_hz` is the rate of the most frequent messages; 0 if
+// it is not known. Returns remarks about all messages, a line each; some say what these captures do not show.
 std::vector<std::string> find_fields(FoundFrames& found, std::span<const std::byte> stream, std::size_t turned_bytes,
                                      double rate_hz);
 

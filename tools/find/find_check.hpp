@@ -21,8 +21,8 @@ void add_find_options(CLI::App& app, FindOptions& options);
 std::vector<std::byte> read_capture(const std::string& capture, double for_s, std::size_t most);
 
 // Prints the beginning of a description of the captured frames on standard output. Returns the exit code: 0, or
-// `failed` if no frame was found. `rate_hz`: of the most frequent messages; 0: not known. `running` is set when the
-// captures have been opened.
+// `failed` if no frame was found. `rate_hz` is the rate of the most frequent messages; 0 if it is not known.
+// `running` is set when the captures have been opened.
 int find_check(const FindOptions& options, double for_s, double rate_hz, bool& running);
 
 }  // namespace imud

@@ -13,8 +13,9 @@
 
 namespace imud {
 
-// Returns the frames of each type, by the first frame of each; all frames in one if there are no types. `length`:
-// bytes of each frame. `is_taken`: of each byte, whether it belongs to a check. No more than 16 types.
+// Returns the frames of each type, at most 16 types, in the order of their first frames. Returns all frames as one
+// type if no types are found. `length` is the size of each frame in bytes. `is_taken` has a flag for each byte of a
+// frame: true if the byte belongs to a check.
 std::vector<std::vector<FrameSplit::Place>> divide_by_type(std::span<const FrameSplit::Place> frames,
                                                            std::size_t length, const std::vector<bool>& is_taken,
                                                            std::span<const std::byte> stream);

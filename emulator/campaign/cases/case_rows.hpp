@@ -12,7 +12,7 @@ namespace imud {
 
 class CaseRows {
  public:
-  // `count`: the rows of each case. `absent_rates`: of Protocol. Allocates all memory.
+  // `count` is the number of rows of each case. `absent_rates` is Protocol::absent_rates. Allocates all memory.
   CaseRows(std::uint64_t count, unsigned absent_rates);
 
   // Adds the row of a measurement, as `imud replay --npy` writes it. After `count` rows, further rows are cut off.

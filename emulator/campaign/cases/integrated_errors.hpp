@@ -56,7 +56,7 @@ class MeasuredSumsOverTime {
   explicit MeasuredSumsOverTime(const TrueSumsOverTime& truth)
       : every_(truth.every), half_interval_(truth.half_interval), at_(truth.at.size()) {}
 
-  // `time`: by the device's clock, of the frame that completes the measurement.
+  // Adds a measurement. `time` is the time of the frame that completes the measurement, by the device's clock.
   void add(const Measurement& measurement, DeviceTime time) noexcept;
   // Returns the sums up to an instant, or up to the end if no measurement came after the instant.
   const MeasuredSums& at(std::size_t instant) const noexcept { return instant < reached_ ? at_[instant] : end_; }
@@ -73,7 +73,7 @@ class MeasuredSumsOverTime {
 // Returns the errors "angle_error_x_rad", "velocity_error_x_m_per_s" and so on, in the sensor's axes: the measured
 // sums less the true sums. The sums are those over the increments if the product sends increments, otherwise over
 // rate and specific force, times the interval. The angle error is a sum about an axis, not an attitude.
-// `absent_rates`: of Protocol.
+// `absent_rates` is Protocol::absent_rates.
 std::vector<std::pair<std::string, double>> integrated_errors(const MeasuredSums& measured, const TrueSums& truth,
                                                               unsigned absent_rates);
 // Returns the integrated_errors() at the end, and then up to each instant. The names of the latter end with the time

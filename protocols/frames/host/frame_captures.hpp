@@ -80,7 +80,7 @@ class FrameBytes {
   enum class Role : std::uint8_t { request, item, answer };
   using Items = std::vector<std::vector<FrameHostDescription::Text>>;
   // `place`: text before the elements in faults. `request_size`: how many bytes of the request an answer may repeat.
-  // `items`: of a request. Throws FrameFaults with every fault.
+  // `items` are the items of a request. Throws FrameFaults with every fault.
   FrameBytes(const FrameDescription& description, std::span<const FrameHostDescription::Text> elements,
              const std::string& place, Role role, std::size_t request_size, const FrameSettings& settings,
              const Items& items = {});
@@ -102,7 +102,7 @@ class FrameBytes {
   bool overlaps(const FrameBytes& other) const noexcept { return layout_->may_coincide(*other.layout_); }
 
   // --- An answer ---
-  // Writes the answer to `out`, of size() bytes. `values`: of all settings.
+  // Writes the answer to `out`, which must have size() bytes. `values` are the values of all settings.
   void write(const Reading& newest, std::span<const std::byte> request, std::span<const FrameValue> values,
              const FrameSettings& settings, std::span<std::byte> out) const noexcept;
 

@@ -44,8 +44,8 @@ std::string difference(std::span<const std::byte> got, std::span<const std::byte
   return "the unit answers " + shown(got) + ", not " + shown(wanted) + ": they differ at byte " + std::to_string(at);
 }
 
-// Returns the fault of a test; nullopt if there is none. `index`: of the test's request; nullopt: the bytes must
-// match no request.
+// Returns the fault of a test; nullopt if there is none. `index` is the index of the test's
+// request; with nullopt the bytes must match no request.
 std::optional<std::string> fault_of(const std::shared_ptr<const FrameRequests>& requests,
                                     std::optional<std::size_t> index, bool is_text, bool is_text_answer,
                                     const Host::Test& test) {

@@ -96,7 +96,7 @@ std::size_t FrameHost::parse_unknown(std::span<const std::byte> held, bool& is_u
   return captures.bytes.size();
 }
 
-// Processes a line. `size`: of the line without its end.
+// Processes a line of `size` bytes, without its end.
 std::size_t FrameHost::parse_line(std::span<const std::byte> held, std::size_t size, bool is_unfinished,
                                   DeviceTime now, Unit& unit, FrameBuffer& replies) noexcept {
   if (size == 0) return 1;
