@@ -245,8 +245,8 @@ class Imu {
   LaneMatrix dcm_PB_;
   Quaternion q_BP_;
   Normals normals_;
-  Normals unit_normals_;         // of what was drawn once for the unit,
-  Normals power_on_normals_;     // and at the last power on
+  Normals unit_normals_;         // of the errors that were drawn once for the unit
+  Normals power_on_normals_;     // of the errors that were drawn at the last power on
   std::uint64_t power_ons_ = 0;  // before the present one
   Vibration vibration_;
   Triad gyro_;
@@ -265,7 +265,7 @@ class Imu {
   // Navigation::origin in this run.
   std::optional<Geodetic> origin_;
   bool is_disturbed_;             // disturb() does something
-  bool measures_slowly_;          // it has internal samples, rare effects, or inclinometers
+  bool measures_slowly_;          // the sensor has internal samples, rare effects, or inclinometers
   bool follows_truth_;            // follow_truth() does something
   bool has_surroundings_;         // update_surroundings() does something
   bool had_field_ = false;        // the last sample of this run had a magnetic field
@@ -278,7 +278,7 @@ class Imu {
   TruthTime last_time_;  // the time of the last sample; last_'s own differs if the timeline began later
   TruthTime sampled_;    // the time that the last sample was asked for, without jitter; stands still in a hold
   Vector3 last_force_B_ = Vector3::Zero();  // m/s^2, of the last sample
-  Nanoseconds held_{0};                     // by which last_time_ has gone on while sampled_ stood still
+  Nanoseconds held_{0};                     // how far last_time_ has gone on while sampled_ stood still
   Nanoseconds may_catch_up_{0};             // of a hold that has ended: its length, until the next sample
   MotionState advanced_;                    // the state at the end of the sums below
   std::uint32_t revision_ = 0;              // Timeline::revision() when advanced_ was computed

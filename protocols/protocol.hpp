@@ -180,7 +180,7 @@ struct Product {
 
 // The solution that a unit computes from its sensors.
 enum class Solves : std::uint8_t {
-  nothing,   // it is no navigation system, or it is not known to be one
+  nothing,   // the unit is no navigation system, or is not known to be one
   attitude,  // an attitude and heading reference system (AHRS)
   place,     // also velocity and position, with a receiver (INS)
 };

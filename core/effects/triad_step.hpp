@@ -19,7 +19,7 @@ struct Surroundings {
 struct EffectTraits {
   bool is_of_memo = false;   // the memo has the effect
   bool is_rare = false;      // hardly any sensor has the effect: Triad::apply<false>() leaves it out
-  bool is_constant = false;  // it is constant while the power is on, and has no state: its parameters may be replaced
+  bool is_constant = false;  // constant while the power is on, without a state: its parameters may be replaced
 };
 
 // TriadErrors defines the unit u. An effect is a class with

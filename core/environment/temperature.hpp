@@ -13,7 +13,7 @@ struct TemperatureModel {
   // temperatures, degrees Celsius, as times. Empty: constant.
   std::vector<double> profile_s, profile_c;
   bool from_truth = false;  // the truth's temperature, where there is one, replaces the profile
-  double warm_up_c = 0;     // by which the sensor becomes warmer than its surroundings
+  double warm_up_c = 0;     // the final warming of the sensor above its surroundings
   double warm_up_s = 600;   // time constant, above 0
   double cool_down_s = 0;   // time constant without power, not negative; 0: warm_up_s
   // The sensor's own measurement.
@@ -68,8 +68,8 @@ class Temperature {
   double measurement_ = -1;  // the number of the measurement that is reported
   double sensor_rate_ = 0;
   std::optional<double> updated_s_;  // the time of the last update() since power on
-  double share_ = 0;                 // of warm_up_c, at the last change of the power,
-  double changed_s_ = 0;             // which was at this time
+  double share_ = 0;                 // reached part of warm_up_c at the last change of the power
+  double changed_s_ = 0;             // the time of that change
   bool has_power_ = true;
 };
 

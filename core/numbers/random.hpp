@@ -35,7 +35,7 @@ enum class Process : std::uint32_t {
   sampling_jitter = 7,
   fault = 8,          // of a wire: coordinate of a byte or a frame
   fault_draw = 9,     // the numbers of an occurrence of a fault
-  fault_noise = 10,   // that a fault adds to a sample
+  fault_noise = 10,   // the noise that a fault adds to a sample
   unit_draw = 11,     // constant errors of a unit (drawn_errors.cpp)
   turn_on_draw = 12,  // constant errors of one power on
   correlated_within_step = 13,

@@ -57,7 +57,7 @@ struct Campaign {
   std::uint64_t batch = 0;         // cases of a shard; 0: `campaign run` chooses
   std::string until;               // the text of a StopRule; empty: all cases are run
   bool integrated_errors = false;  // rows have the errors of each imu, integrated over the run
-  double errors_every_s = 0;       // and up to the instants at these distances; 0: none
+  double errors_every_s = 0;       // rows also have the errors up to instants at these distances; 0: none
   std::uint64_t arrays = 0;        // measurements of each case and imu that are kept as rows; 0: none
   std::optional<CampaignTest> test;
   CampaignSlurm slurm;

@@ -11,7 +11,7 @@ namespace imud {
 // How many configurations try_cases() has loaded.
 struct TriedCases {
   std::uint64_t values = 0;        // of axes, each beside the first values of the other axes
-  std::uint64_t all_values = 0;    // that the axes have
+  std::uint64_t all_values = 0;    // all values that the axes have
   std::uint64_t draws = 0;         // the least and the greatest of each key, and others at equal distances
   std::uint64_t combinations = 0;  // cases at equal distances, the last one among them
 };

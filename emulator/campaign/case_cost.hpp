@@ -9,7 +9,7 @@
 namespace imud {
 
 struct CampaignCost {
-  std::vector<std::uint64_t> cases;  // that were run: the first, the middle and the last one
+  std::vector<std::uint64_t> cases;  // the cases that were run: the first, the middle and the last
   double case_s = 0;                 // mean host time of a case: its configuration, its identity and its run
   bool is_cut = false;               // a case was not followed to its end: the time is a lower bound
   double row_bytes = 0;              // mean, of a row of the results; an estimate

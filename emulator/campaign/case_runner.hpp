@@ -49,7 +49,7 @@ class CaseRunner {
     Config config;
     std::string identity;                        // identity_without_seed()
     std::shared_ptr<const StoredTruths> truths;  // nullptr: each run reads the capture
-    TruthConfig truth;                           // with which the capture was read
+    TruthConfig truth;                           // the keys with which the capture was read
     std::string capture;                         // capture_digest() of `truth`
     bool repeats = false;                        // the capture is a record, whose run is repeated
     std::vector<double> line_loads;

@@ -31,7 +31,7 @@ std::string exclusive_address(const std::string& port) {
   if (transport->is_standard_output != nullptr &&
       is_standard_output(address_of(port).substr(transport->name.size() + 1)))
     return "-";
-  std::string path = path_of(port);  // which may have several spellings
+  std::string path = path_of(port);  // one path may have several spellings
   return path.empty() ? address_of(port) : path;
 }
 
@@ -144,7 +144,7 @@ class Together {
     BusIdentifier at;
     std::size_t imu;
   };
-  std::map<BusIdentifier, std::size_t> identifiers_;  // that an imu sends
+  std::map<BusIdentifier, std::size_t> identifiers_;  // identifiers that an imu sends, with the number of the imu
   std::vector<Identifier> received_;                  // identifiers that an imu receives without a mask
 };
 

@@ -65,7 +65,7 @@ class ControlServer::Client final : public Subscriber, public std::enable_shared
   }
 
  private:
-  static constexpr int most_calls = 32;  // that are not answered, beyond which the client's requests are not read
+  static constexpr int most_calls = 32;  // with more unanswered calls, the client's requests are not read
 
   void read() {
     if (is_reading_ || has_ended_ || closes_ || calls_ >= most_calls || !socket_.is_open()) return;
@@ -172,7 +172,7 @@ class ControlServer::Client final : public Subscriber, public std::enable_shared
   std::array<char, 16 * 1024> buffer_;
   std::string input_;  // input from the beginning of a line
   SendQueue output_;
-  int calls_ = 0;  // that are not answered
+  int calls_ = 0;  // calls that are not answered yet
   bool is_reading_ = false, is_writing_ = false, is_taking_ = false;
   bool has_ended_ = false;  // the client sends nothing more
   bool closes_ = false;     // when all is written

@@ -73,7 +73,7 @@ void Reloader::open_ports(std::vector<PortChange>& opened) {
 void Reloader::finish() {
   if (!next_) return;
   leaving_.add(*reload_, engine_.channels());
-  const std::string truth_port = now_.truth.port;  // that the system has chosen
+  const std::string truth_port = now_.truth.port;  // has the number that the system has chosen
   now_ = std::move(*next_);
   now_.truth.port = truth_port;
   cancel();

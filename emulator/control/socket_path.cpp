@@ -111,7 +111,7 @@ FileDescriptor connect_to_socket(const std::string& path) {
     return {};
   }
   FileDescriptor socket(::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0));
-  // This limits connect(), too (unix_stream_connect() of the kernel): a stopped process accepts nothing.
+  // The timeout limits connect(), too (unix_stream_connect() of the kernel): a stopped process accepts nothing.
   const timeval longest{.tv_sec = 1, .tv_usec = 0}, none{};
   if (socket) ::setsockopt(socket.get(), SOL_SOCKET, SO_SNDTIMEO, &longest, sizeof longest);
   if (!socket || ::connect(socket.get(), reinterpret_cast<const sockaddr*>(&*address), sizeof *address) != 0)

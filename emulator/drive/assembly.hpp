@@ -51,7 +51,7 @@ class Assembly {
   const bool is_paced_;  // by the host's clock
   const PaceOptions pace_;
   const Epoch epoch_;
-  const unsigned threads_;  // that may be used
+  const unsigned threads_;  // the number of threads that may be used
   std::optional<RecordedRun> repeated_;
   std::optional<ReadAhead> ahead_;
   Engine engine_;

@@ -11,9 +11,9 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr Nanoseconds between_readings = 100ms;
-// A smaller change than this, beyond the uncertainty of the readings, is not followed.
+// A change of the clock is followed if it exceeds the uncertainty of the readings by more than this.
 constexpr Nanoseconds noticeable = 2us;
-// A change is a step if it is greater than the sum of this and the drift of a clock off by 1000 ppm between two
+// A change is a step if it is greater than least_step plus the drift of a clock off by 1000 ppm between two
 // readings. At most a second of the time between the readings counts, so that the period of a slow imu hides no step.
 constexpr Nanoseconds least_step = 100us;
 constexpr std::int64_t drift_divisor = 1000;
@@ -38,7 +38,7 @@ clockid_t clock_of(Epoch epoch) {
 }
 
 bool has_clock_error(const Grid& grid) {
-  constexpr Nanoseconds long_time = 1000s;  // in which the least error is 1 us
+  constexpr Nanoseconds long_time = 1000s;  // the smallest clock error adds up to 1 us in this time
   return grid.counted(long_time) != long_time;
 }
 }  // namespace

@@ -92,7 +92,7 @@ class Loop {
   const Nanoseconds spin_;      // the thread does not sleep for the first spin_ of a wait
   Schedule schedule_;
   EpochGrid epoch_;
-  std::optional<Nanoseconds> limit_;  // for which truth is still sampled from the run's start on; nullopt: forever
+  std::optional<Nanoseconds> limit_;  // how long truth is sampled, from the run's start on; nullopt: forever
   TruthTime run_start_;
   HostTime origin_;       // of the schedule
   HostTime first_truth_;  // the instant at which the first truth is sampled; earlier samples are at rest

@@ -106,7 +106,7 @@ struct Step {
 
 // Properties of a kind of step.
 struct StepTraits {
-  bool is_of_imu = false;        // it always has one imu; a command may have one
+  bool is_of_imu = false;        // the kind always has one imu; a command may have one
   bool has_polled_time = false;  // `b` of the recorded event is the time up to which deadlines had been polled
 };
 constexpr StepTraits traits_of(const RecordEvent& event) noexcept {

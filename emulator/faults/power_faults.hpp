@@ -14,8 +14,8 @@ std::span<const FaultKind> power_fault_kinds() noexcept;
 
 // The state of the device at a sample.
 struct PowerStep {
-  bool is_on = true;          // it runs
-  bool starts = false;        // it is switched on, or comes out of a reset, at the sample
+  bool is_on = true;          // the device runs
+  bool starts = false;        // the device is switched on, or comes out of a reset, at the sample
   bool as_delivered = false;  // its settings were lost at this start or at an earlier one
 };
 

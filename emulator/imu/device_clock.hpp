@@ -13,7 +13,7 @@ namespace imud {
 // Stamps the samples of the imu's grid with nominal periods, whatever the clock's error against the host's, and
 // gives the device's time between two samples. Where the host's clock paces the samples, this clock runs between
 // them, at the host's rate times its own error; where truth paces them, it stands still from one sample to the next.
-// It never passes the stamp of the next sample. One thread.
+// The clock never passes the stamp of the next sample. One thread.
 class DeviceClock {
  public:
   explicit DeviceClock(const Grid& grid) noexcept : grid_(grid), walk_(grid, 0, true) {}

@@ -47,7 +47,7 @@ struct Reload {
     ImuModel model;
     Imu imu;
     Oscillator oscillator;
-    std::optional<OwnSolution> solution;  // it begins to align
+    std::optional<OwnSolution> solution;  // this solution begins to align
     std::optional<SolutionJudge> judge;   // of that solution
     std::optional<Grid> grid;             // nullopt: the grid does not change
     // The device with other settings, and the device as delivered. nullptr: both devices stay in use.

@@ -79,7 +79,7 @@ class Sensor {
   Acquisition acquisition_;
   std::optional<OwnSolution> solution_;
   std::optional<SolutionJudge> judge_;  // of the solution's errors
-  NavigationRequests requests_;         // that have acted
+  NavigationRequests requests_;         // the requests that have acted
   const Nanoseconds sampling_delay_;
   const bool device_filters_;  // the device's settings have the filters
   SensorFilters filters_;      // if device_filters_
@@ -89,7 +89,7 @@ class Sensor {
   bool has_sampled_ = false;     // in this run
   bool has_run_ = false;         // has sampled a truth
   bool has_leapt_ = false;       // since the last sample
-  TruthTime run_begin_;          // from which the times of faults count
+  TruthTime run_begin_;          // the times of faults count from this time
   std::uint64_t power_ons_ = 0;  // after the first
   Sample sample_;
   Nanoseconds ahead_{0};

@@ -41,7 +41,7 @@ struct FaultConfig {
   static constexpr std::string_view axis_letters = "xyz";
 
   std::string name;               // in labels; "fault1" if it has none
-  std::vector<std::string> imus;  // whose names; fault_of_truth alone for a fault of truth
+  std::vector<std::string> imus;  // the names of the imus; fault_of_truth alone for a fault of truth
   const FaultKind* kind = nullptr;
   std::uint8_t target = 0;  // index into FaultKind::targets
   std::uint8_t axes = 7;    // bits of x, y and z

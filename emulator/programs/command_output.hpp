@@ -15,9 +15,9 @@ namespace imud {
 
 struct CommandOutput {
   int exit_code = 0;     // 128 + n if signal n has ended it; 127 if it could not be started
-  bool is_late = false;  // it was ended after the time limit
+  bool is_late = false;  // the command was ended after the time limit
   std::string output;
-  std::string errors;  // or why it could not be started
+  std::string errors;  // the standard error, or why the command could not be started
 };
 
 // Runs the program words[0], which is found in PATH, with the other words as its arguments: no shell sees them. Its

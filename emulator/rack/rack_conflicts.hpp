@@ -59,7 +59,7 @@ class RackConflicts {
   std::vector<std::string> faults_;
   const LoadedRun* run_ = nullptr;  // the run that add() compares, and its text
   const toml::table* text_ = nullptr;
-  const LoadedRun* first_ = nullptr;                                 // with which the others are compared
+  const LoadedRun* first_ = nullptr;                                 // the run with which the other runs are compared
   std::map<std::string, Place> claimed_;                             // by host, or for all hosts, and resource
   std::vector<Listener> listeners_;                                  // of all hosts
   std::map<std::pair<std::uint64_t, std::uint32_t>, Place> noises_;  // by seed and stream

@@ -119,7 +119,7 @@ void copy_records(std::vector<RecordOfRun>& runs, const Rack& rack, const std::f
 
 UnitRecord unit_record(std::string_view exec_start) {
   UnitRecord record;
-  std::string_view option;  // whose value is the next word
+  std::string_view option;  // the option whose value is the next word
   while (!exec_start.empty()) {
     const std::string_view word = exec_start.substr(0, exec_start.find(' '));
     exec_start.remove_prefix(std::min(exec_start.size(), word.size() + 1));

@@ -17,7 +17,7 @@ namespace imud {
 struct RecordOptions {
   std::string file;             // empty: nothing is recorded; "-": standard output, without max_bytes
   std::uint64_t max_bytes = 0;  // of a file, after which the next one begins; 0: there is one file
-  std::uint64_t max_files = 0;  // that are kept; 0: all
+  std::uint64_t max_files = 0;  // the number of files that are kept; 0: all
 };
 
 // Writes packets in batches of whole blocks. If a write fails, the file ends with its last whole block, the packets

@@ -38,7 +38,7 @@ void SeedResults::judge_faults(std::uint64_t seed, Json& summary) {
 }
 
 bool SeedResults::add_run(Json summary) {
-  constexpr std::uint64_t most_shortfalls = 10;  // that are logged
+  constexpr std::uint64_t most_shortfalls = 10;  // more shortfalls are not logged
   const auto seed = summary.at("seed").get<std::uint64_t>();
   const bool is_whole = summary.at("ended_by") != "signal";
   if (!std::exchange(has_remarks_, true) && summary.at("truth").contains("remarks"))

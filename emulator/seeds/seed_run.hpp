@@ -31,7 +31,7 @@ struct SeedRun {
   Assembly::Limits limits = {};
   StepSink* sink = &StepSink::none();
   std::function<void(Engine& engine)> begin = nullptr;  // called when the ports are open, before the first step
-  std::chrono::milliseconds readers{50};                // for which readers that are slow are waited for at the end
+  std::chrono::milliseconds readers{50};                // the longest wait for slow readers at the end
 
   // Runs `config`, whose clock is `fast` or `realtime`, to its end, and then calls `end` with
   // the engine and Assembly::difference(). With `truths`, config.truth.format

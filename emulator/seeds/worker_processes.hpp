@@ -24,7 +24,7 @@ struct WorkerProcesses {
   // is lost. Empty: a death ends all workers.
   std::function<void(std::size_t item, const std::string& cause)> lose = nullptr;
   // Receives the items that workers have open, in the calling process: after each tick, and of a worker when it ends.
-  // It may have sent the text of the item already.
+  // The process may have sent the text of the item already.
   std::function<void(const std::vector<std::size_t>& items)> at_work = [](const auto&) {};
   // The items are the rest of earlier work: a signal that has come since that began ends them, too.
   bool goes_on = false;

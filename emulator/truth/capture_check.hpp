@@ -16,7 +16,7 @@ struct CapturePort {
   // `capture` is a file, a port, - for standard input, or empty. Throws PortError if `config` is standard input, too.
   CapturePort(const std::string& capture, const std::string& config);
   std::string port;      // as load_config() takes it
-  bool repeats = false;  // it is a record without further words, whose run is repeated
+  bool repeats = false;  // the capture is a record without further words, whose run is repeated
 };
 
 // The findings before the capture of a configuration is replayed.

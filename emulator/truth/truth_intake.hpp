@@ -113,7 +113,7 @@ class TruthIntake {
   struct Derivation {
     PoseFit fit;
     Timeline order;              // the records as they arrive: it refuses late ones, and finds new runs
-    std::uint64_t outliers = 0;  // that were counted
+    std::uint64_t outliers = 0;  // the outliers that have been counted
   };
   std::unique_ptr<Derivation> derivation_;
   const bool ignores_force_;

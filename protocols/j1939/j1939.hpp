@@ -14,7 +14,7 @@
 
 namespace imud::j1939 {
 
-inline constexpr double internal_hz = 100;  // of which the packet rate is a divider
+inline constexpr double internal_hz = 100;  // the packet rate is this rate over a divider
 
 enum class ByteOrder : std::uint8_t { j1939, swapped, automatic };
 

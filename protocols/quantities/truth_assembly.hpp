@@ -122,7 +122,7 @@ class TruthAssembly {
 
   std::optional<std::int64_t> origin_ns_;    // of an absolute time
   std::optional<WrappingTime> time_of_day_;  // without a day
-  std::optional<Truth> before_;              // whose attitude was integrated
+  std::optional<Truth> before_;              // the truth before, with the integrated attitude
 };
 
 }  // namespace imud

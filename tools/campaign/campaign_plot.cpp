@@ -21,7 +21,7 @@ namespace {
 using Figure = CaseStatistics::Figure;
 using Axis = CaseStatistics::Axis;
 
-constexpr std::size_t most_places = 200;  // that a picture shows of an axis
+constexpr std::size_t most_places = 200;  // values of an axis in a picture
 constexpr std::size_t most_labels = 12;
 
 // An axis of a diagram: the values in their order, at numbers if all are numbers, otherwise at 0, 1, 2 ...

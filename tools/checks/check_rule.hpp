@@ -24,7 +24,7 @@ struct CheckRule {
   std::size_t word_size = 1;      // bytes
   bool is_negative = false;       // the negative, or the complement
   std::size_t zeros = 0;          // bytes of 0 that follow the range: of a CRC
-  bool is_extra_known = true;     // or they are one byte, which is the same in each frame
+  bool is_extra_known = true;     // false: the extra bytes are one unknown byte, the same in each frame
   CrcParameters parameters = {};  // of a CRC; initial value and final XOR 0
   std::optional<Crc> crc = {};
   std::vector<std::string> names = {};  // of the checks of the family, for FrameCheck

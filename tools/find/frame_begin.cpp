@@ -13,7 +13,7 @@ constexpr std::size_t longest_end = 2;  // constant bytes behind a check that en
 // is in no frame.
 std::optional<std::ptrdiff_t> moved(const FoundCheck& check, std::size_t begin, std::size_t length, bool is_cyclic) {
   std::size_t first = check.at, last = std::max(check.at + check.size, check.ranges.back().second);
-  std::size_t latest = 0;  // at which one of the forms begins
+  std::size_t latest = 0;  // the latest begin of a form
   for (const FoundCheck::Form& form : check.forms) latest = std::max(latest, form.begin);
   first = std::min(first, latest);
   for (const std::size_t by : {std::size_t{0}, length}) {

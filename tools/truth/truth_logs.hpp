@@ -28,7 +28,7 @@ struct LoggedStates {
   TruthAssembly::Axes axes;
   bool has_velocity = false, has_rate = false;
   std::uint64_t without_position = 0;  // omitted attitudes: the log has no position near their time
-  std::string note;                    // which of the log's topics was read
+  std::string note;                    // says which topic of the log was read
   std::string damage;                  // empty: none
 };
 

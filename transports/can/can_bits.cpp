@@ -21,7 +21,8 @@ int fd_crc(std::size_t bytes) noexcept {
 // Bits from start of frame to the bit before the data length code (classic), or to the bit rate switch (FD).
 int arbitration(const CanHeader& header) noexcept { return (header.fd ? 17 : 15) + (header.extended ? 20 : 0); }
 
-// Bits after it up to the end of the data. A remote frame has a data length code, but no data.
+// Bits after the bits of arbitration(), up to the end of the data. A remote frame has a data length code, but no
+// data.
 int control_and_data(const CanHeader& header, std::size_t bytes) noexcept {
   return (header.fd ? 5 : 4) + (header.remote ? 0 : 8 * static_cast<int>(bytes));
 }

@@ -87,7 +87,7 @@ std::optional<Shard> read_shard(const std::filesystem::path& path, std::string& 
 // this file is whole: `.NAME.HOST.SPACE.PID.tmp`.
 struct TemporaryFile {
   std::string name, host;
-  std::string space;  // in which the numbers of processes are unique: a boot of the host, and a container
+  std::string space;  // process numbers are unique within it: a boot of the host, and a container
   pid_t process = 0;
 
   // A temporary file of this process.

@@ -20,9 +20,9 @@ struct CaseRate {
 // Shards are added in any order, each once; the counts do not depend on it. One thread.
 class CaseCounts {
  public:
-  // Cases are not counted by value for an axis with more values, such as random draws.
+  // For an axis with more values, such as random draws, cases are not counted by value.
   static constexpr std::size_t most_values = 100;
-  // So many cases that have not passed are kept: the first ones.
+  // The first cases that have not passed are kept, at most this many.
   static constexpr std::size_t most_failed = 100;
 
   // A case that has not passed.
