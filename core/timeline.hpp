@@ -134,8 +134,8 @@ class Timeline {
     MotionState other;
     return at(time, other);
   }
-  // The same, without a copy where a truth has this `time`: returns the state that is kept until the next push(), or
-  // `other`, to which it assigns.
+  // Returns the same state without a copy where a truth has this `time`: a reference to the kept state, valid until
+  // the next push(). Otherwise assigns the state to `other`, and returns `other`.
   const MotionState& at(TruthTime time, MotionState& other) const noexcept;
 
   // Returns position and velocity of B's origin at `time`: between two truths that carry them, the cubic Hermite

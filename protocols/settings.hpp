@@ -67,7 +67,7 @@ class Settings {
   // Sets a declared key; an integer is accepted for a double. Throws std::invalid_argument, whose message gives the
   // valid values, for an unknown key, another type, a number out of range, or a text that is not among the choices.
   void set(std::string_view key, SettingValue value);
-  // As set(), from "true", "12", "0x7F", "1.5", "text" or "a,b,c".
+  // Does the same as set() with the value in a text: "true", "12", "0x7F", "1.5", "text" or "a,b,c".
   void set_text(std::string_view key, std::string_view text);
 
   // Sets the content of the file that the setting with Setting::names_frames names. A later set() of that key

@@ -156,8 +156,8 @@ class Port {
   // Returns true if something is held back that flush() can send as soon as descriptor() is writable: poll for
   // POLLOUT.
   virtual bool wants_output() const noexcept { return false; }
-  // Flushes, then returns false while the other end is known not to have read all that was sent: closing a pty now
-  // would discard it.
+  // Flushes. Returns false while the other end is known not to have read everything that was sent: closing a pty in
+  // this state would discard the unread bytes.
   virtual bool is_drained() noexcept { return true; }
   // Returns true if the frames of a sample have room in the port's own buffer: send() drops none of them, and the
   // caller need not wait. Returns false if the port has no buffer of its own, or if too many frames wait in it.

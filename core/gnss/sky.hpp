@@ -31,8 +31,8 @@ struct GnssModel {
 // change and as satellites cross the mask. Their decrease with the elevation is RTCA DO-229D's for aircraft, as in
 // MAAST of Stanford's GPS laboratory (init_cnmp_mops.m).
 //
-// The same bits on every machine, and a function of place, time and seed alone. Nothing here allocates after
-// construction, locks or throws; not thread-safe.
+// The results depend only on place, time and seed, and have the same bits on every machine. Nothing here allocates
+// after construction, locks or throws; not thread-safe.
 class Sky {
  public:
   explicit Sky(const GnssModel& model);

@@ -97,7 +97,7 @@ class InertialFilter {
   void turn(const Vector3& axis_N, double angle, double variance) noexcept;
   // Adds `variance` to the variance of each component of the vector that begins at state `first`.
   void add_variance(int first, double variance) noexcept;
-  // The same for the component along one axis, a unit vector.
+  // Adds `variance` to the variance of the vector's component along `axis_N`, a unit vector.
   void add_variance(int first, const Vector3& axis_N, double variance) noexcept {
     P_.block<3, 3>(first, first) += variance * (axis_N * axis_N.transpose());
   }

@@ -59,8 +59,9 @@ struct NavigatorModel {
   // `accept_after_s` of rejections alone the filter adds to its covariance, and accepts.
   double gate = 25;
   double accept_after_s = 10;
-  // The same for the headings of the inertial kind, of antennas and of the field each. Longer: fixes measure the
-  // heading, too, in manoeuvres, and a field is disturbed for a while more often than a receiver; chosen.
+  // For the inertial kind: the time of rejections after which headings of antennas, or of the field, are accepted.
+  // This time is longer, because fixes measure the heading, too, in manoeuvres, and because a field is disturbed for
+  // a while more often than a receiver; chosen.
   double accept_heading_after_s = 120;
   GravitationModel gravitation;  // of the truth's world
 };

@@ -46,7 +46,7 @@ class OwnSolution {
       reference->take(sample);
     sample.magnetic_field = measured;
   }
-  // The same for a vehicle at rest before the first truth of a run.
+  // Does the same as take() for a vehicle at rest before the first truth of a run.
   void take_at_rest(Sample& sample) noexcept {
     const Vector3 measured = compensate(sample);
     if (auto* navigator = std::get_if<Navigator>(&of_))

@@ -46,8 +46,8 @@ class ChannelFaults {
   // Determines the faults of a sample of the truth, `since_begin` after the begin of its run, and applies the faults
   // of the sensors and of the device's input. `utc_ns`: as for FaultSchedule::take().
   void take(Sample& sample, Nanoseconds since_begin, std::optional<std::int64_t> utc_ns) noexcept;
-  // The same for a sample at rest, before the first truth: only faults that were begun by control act. `since`: s
-  // since power on. acts_at_rest() returns whether there are such faults.
+  // take_at_rest() does the same as take() for a sample at rest, before the first truth: only faults that were begun
+  // by control act. `since` is the time since power on. acts_at_rest() returns true if there are such faults.
   bool acts_at_rest() const noexcept { return schedule_.has_added(); }
   void take_at_rest(Sample& sample, Nanoseconds since, std::optional<std::int64_t> utc_ns) noexcept;
   // The host has sent bytes, after the last sample.

@@ -64,11 +64,11 @@ struct DrawnLabel {
 };
 std::vector<DrawnLabel> drawn_labels(std::span<const ImuConfig> imus, std::uint64_t seed);
 
-// A header row and a row for each label. Columns: emulator/faults/README.md. `seed`: the seed of the run, as another
-// column before these, for the labels of many runs.
+// Returns a header row and a row for each label. emulator/faults/README.md has the columns. `seed` is the seed of the
+// run, as another column before these, for the labels of many runs.
 std::string labels_csv(std::span<const FaultLabel> labels, std::span<const DrawnLabel> drawn = {},
                        std::optional<std::uint64_t> seed = std::nullopt);
-// The same as a list of objects.
+// Returns the labels as a JSON list of objects.
 std::string labels_json(std::span<const FaultLabel> labels, std::span<const DrawnLabel> drawn = {},
                         std::optional<std::uint64_t> seed = std::nullopt);
 

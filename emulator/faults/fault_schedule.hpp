@@ -35,7 +35,8 @@ class FaultSchedule {
   void begin_run() noexcept;
   // Adds a fault, whose times begin with the next sample. It must outlive this; its number is above all earlier ones.
   void add(const FaultConfig& fault, std::uint32_t number) noexcept;
-  // Ends the fault of this number with the last sample, or all faults; they do not begin again in this run.
+  // end() ends the fault of this number, end_all() all faults, with the last sample. They do not begin again in this
+  // run.
   void end(std::uint32_t number) noexcept;
   void end_all() noexcept;
   // Determines the faults of a sample, `since_begin` after the first sample of its run. `sample` must be without

@@ -25,11 +25,12 @@ constexpr bool carries_increments(std::uint32_t fields) noexcept {
   return (fields & (Measurement::delta_angle | Measurement::delta_velocity)) != 0;
 }
 
-// A port that decodes a device's frames. Within send() it calls `receive`, which must not throw, for each
-// measurement.
+// Returns a port that decodes a device's frames. Within send() the port calls `receive`, which must not throw, for
+// each measurement.
 std::unique_ptr<Port> decoding_port(const ImuConfig& imu, std::function<void(const Measurement&)> receive);
-// The same, but each measurement comes with the instant of its first frame, by `now`, which each send() calls. A
-// measurement may be complete only when the next one begins (CollectingDecoder).
+// Returns a port like the first function, which also gives `receive` the instant of the measurement's first frame.
+// Each send() calls `now` for the instant. A measurement may be complete only when the next measurement begins
+// (CollectingDecoder).
 std::unique_ptr<Port> decoding_port(const ImuConfig& imu,
                                     std::function<void(const Measurement&, std::int64_t instant)> receive,
                                     std::function<std::int64_t()> now);

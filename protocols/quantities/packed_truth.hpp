@@ -36,7 +36,7 @@ class PackedTruth {
     if (!first_arrival_) first_arrival_ = arrival;
     return convert_at(record, (arrival - *first_arrival_).count(), truth);
   }
-  // As convert(), with `ns` in place of the time of arrival.
+  // Does the same as convert(), with `ns` in place of the time of arrival.
   TruthResult convert_at(std::span<const std::byte> record, std::int64_t ns, Truth& truth) noexcept {
     if (!layout_.given()[time_ns_.quantity]) (void)reading_.set(time_ns_, ns);
     if (const TruthResult result = layout_.read(record, reading_); result != TruthResult::ok) return result;

@@ -33,7 +33,7 @@ std::optional<TruthField> find_signed_field(std::string_view ours) noexcept;
 // named twice.
 TruthMap parse_truth_map(std::span<const std::string> texts);
 TruthMap parse_truth_order(std::span<const std::string> names);
-// As parse_truth_order(), for a table in a source file.
+// Does the same as parse_truth_order() for a table in a source file.
 TruthMap truth_order(std::span<const std::string_view> names);
 
 // Returns the set of quantities in `map`.

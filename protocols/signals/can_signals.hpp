@@ -37,13 +37,14 @@ struct CanSignal {
   SignalEncoding encoding = {};
   double scale = 1;  // not 0
   double offset = 0;
-  // As signal_source.hpp has it; `alive_counter`, the number of the message; `checksum`; `data_id_nibble`, bits 8 to
-  // 11 of the checksum's data id; empty: the signal has the value `initial`, or selects the page of others.
+  // The source of the values: a text of signal_source.hpp; `alive_counter`, the number of the message; `checksum`; or
+  // `data_id_nibble`, bits 8 to 11 of the checksum's data id. Empty: the signal has the value `initial`, or selects
+  // the page of other signals.
   std::string_view source = "";
   const MeasuredQuantity* quantity = nullptr;  // in place of `source`: a quantity that only this product has, in SI
   std::uint64_t initial = 0;                   // the raw number
   double minimum = 0, maximum = 0;  // physical values at which the signal saturates; if equal: the limits of its bits
-  // Not empty: present only while the signal `multiplexor` has one of these values.
+  // The signal is present only while the signal `multiplexor` has one of these values; empty: always.
   std::span<const PageRange> pages = {};
   std::string_view multiplexor = "";
 };

@@ -83,7 +83,7 @@ constexpr Protocol signal_protocol(Protocol entry) {
   return entry;
 }
 
-// As above, for a product with one table, whose name must be unique among all files.
+// Returns the table of a product with one table. The name of `Table` must be unique among all files.
 template <const SignalProduct& Table>
 const SignalProduct& only_table(const Settings&) {
   return Table;

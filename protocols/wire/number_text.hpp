@@ -24,7 +24,7 @@ std::optional<Number> number_in(std::string_view text, int radix = 10) noexcept 
   if (result.ec != std::errc() || result.ptr != end) return std::nullopt;
   return number;
 }
-// As number_in(), for an integer that is decimal, or hexadecimal after a prefix "0x" or "0X".
+// Does the same as number_in() for an integer that is decimal, or hexadecimal after a prefix "0x" or "0X".
 template <class Number>
 std::optional<Number> number_or_hex_in(std::string_view text) noexcept {
   const bool is_hexadecimal = text.starts_with("0x") || text.starts_with("0X");

@@ -18,9 +18,9 @@ std::string shortest_text(double number);
 // The largest number of significant digits that any double needs to read back unchanged.
 inline constexpr int all_digits = 17;
 
-// As write_shortest(), but a number that needs more than `digits` significant digits is rounded to `digits`
-// digits: to the decimal nearest the exact value, as by printf, without trailing zeros. Requires `digits` from 1
-// to all_digits.
+// Does the same as write_shortest(), but rounds a number that needs more than `digits` significant digits to `digits`
+// digits: to the decimal nearest the exact value, as printf does, without trailing zeros. Requires `digits` from 1 to
+// all_digits.
 char* write_rounded(char* at, double number, int digits) noexcept;
 
 }  // namespace imud

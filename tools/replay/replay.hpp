@@ -31,7 +31,7 @@ class Replay {
   // (stop_requested()).
   std::vector<std::string> run(const Config& config, const Ports& ports,
                                const std::function<void(std::size_t imu)>& awaits_truth = nullptr);
-  // The same run for truth_of_run() and made_rows().
+  // Returns run() in the form that truth_of_run() and made_rows() take.
   TwinRun with_twins();
 
  private:

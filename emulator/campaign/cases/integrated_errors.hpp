@@ -50,7 +50,7 @@ struct TrueSumsOverTime {
   TrueSumsOverTime(std::span<const TrueRow> rows, Nanoseconds every);
 };
 
-// The same sums of the measurements. Allocates in the constructor only.
+// The sums of the measurements at the same instants. Allocates in the constructor only.
 class MeasuredSumsOverTime {
  public:
   explicit MeasuredSumsOverTime(const TrueSumsOverTime& truth)

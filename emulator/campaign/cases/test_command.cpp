@@ -58,8 +58,8 @@ void end_children() {
   }
 }
 
-// Closes all descriptors but the standard ones and `kept`, whose number becomes the returned one: a pseudo-terminal
-// ends when imud closes it.
+// Gives `kept` the first number after the standard descriptors, and returns this number. Closes all other descriptors
+// but the standard ones: a pseudo-terminal then ends when imud closes it.
 int close_others(int kept) {
   constexpr int first = STDERR_FILENO + 1;
   if (kept != first) ::dup3(kept, first, O_CLOEXEC);
@@ -67,8 +67,8 @@ int close_others(int kept) {
   return first;
 }
 
-// Runs the command until it ends, until its time limit, or until the link has anything to read: nothing that it has
-// started is left.
+// Runs the command until it ends, until its time limit, or until the link has anything to read. No process that the
+// command has started is left.
 TestCommand::End run_shell(const std::string& text, const TestCommand::Options& options, int link) {
   sigset_t of_children;
   sigemptyset(&of_children);
