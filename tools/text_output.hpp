@@ -20,7 +20,7 @@ class TextOutput {
 
   // Returns true if people read the output while it is written.
   bool is_terminal() const noexcept;
-  // Returns false after the reader has closed its end, or a write has failed: nothing more is written.
+  // Returns false after the reader has closed its end, or a write has failed. Nothing more is written then.
   bool is_open() const noexcept { return error_ == 0; }
   // Returns the errno that ended the output: EPIPE if the reader has closed its end, 0 while the output is open.
   int error() const noexcept { return error_; }

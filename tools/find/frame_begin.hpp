@@ -32,7 +32,8 @@ struct Trial {
   bool is_cyclic() const { return split.kinds.size() == 1; }
 };
 
-// Sets `begin` and `other_begins` by where the checks are, by constant bytes, and by the first byte of the stream.
+// Sets `begin` and `other_begins` by the places of the checks, by constant bytes, and by the first byte of the
+// stream.
 void choose_begin(Trial& trial, std::span<const std::byte> stream);
 
 // Returns the check with its places in the frame that begins at `trial.begin`, without forms that begin before the

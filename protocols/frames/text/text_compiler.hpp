@@ -12,7 +12,8 @@ class TextLayout::Compiler {
 
   // Fills the layout. Throws std::invalid_argument, whose message has the first fault of the text.
   void compile();
-  // Encodes the values of a test and compares the text with its frame. Adds the faults.
+  // Encodes the values of a test, and compares the text with the frame of the test. Adds the faults of the test to
+  // `faults`.
   void test(const FrameDescription::Test& test, std::vector<FrameFault>& faults) const;
 
  private:
