@@ -6,6 +6,7 @@
 
 #include "core/attitude.hpp"
 #include "core/numbers/dispatch.hpp"
+#include "core/numbers/lane_rotation.hpp"
 
 namespace imud {
 namespace {
@@ -27,6 +28,9 @@ struct Hermite {
     return {1.0 - 4.0 * s + 3.0 * s2, 6.0 * (s - s2), 3.0 * s2 - 2.0 * s};
   }
   Vector3 operator()(const Vector3& at0, const Vector3& delta, const Vector3& at1) const {
+    return slope0 * at0 + value1 * delta + slope1 * at1;
+  }
+  [[gnu::always_inline]] Lanes operator()(Lanes at0, Lanes delta, Lanes at1) const {
     return slope0 * at0 + value1 * delta + slope1 * at1;
   }
 };
@@ -231,8 +235,9 @@ void Timeline::link(const Knot& before, Knot& k) noexcept {
 
   // Attitude.
   k.h_s = seconds(k.state.time - before.state.time);
-  k.phi = log(before.state.q_NB.conjugate() * k.state.q_NB);
-  k.phi_slope = inverse_right_jacobian(k.phi, k.state.omega_BN_B);
+  const Lanes phi_of_curve = log_of_rotation(product(conjugate(lanes(before.state.q_NB)), lanes(k.state.q_NB)));
+  k.phi = vector_of(phi_of_curve);
+  k.phi_slope = vector_of(inverse_right_jacobian(phi_of_curve, lanes(k.state.omega_BN_B)));
   k.is_quintic = before.is_rate_derived && k.is_rate_derived && before.has_angular_acceleration &&
                  k.has_angular_acceleration && !k.follows_gap;
   if (k.is_quintic) [[unlikely]]
@@ -341,27 +346,33 @@ void Timeline::interpolate(const Knot& begin, const Knot& end, double s, MotionS
   const double inverse_h = 1.0 / h;
   state.basis = MotionState::Basis::interpolated;
   state.derived = end.state.derived | (end.follows_gap ? status::truth_gap : 0U);
-  if (end.is_quintic) {
+  Lanes q_NB;
+  const Lanes begin_omega = lanes(begin.state.omega_BN_B);
+  if (end.is_quintic) [[unlikely]] {
     const Turn curve = turn(begin, end, s);
-    state.q_NB = begin.state.q_NB * exp(curve.phi);
+    q_NB = lanes(begin.state.q_NB * exp(curve.phi));
     state.omega_BN_B = right_jacobian(curve.phi, curve.first);
     state.omegaDot_BN_B = right_jacobian(curve.phi, curve.second) + jacobian_change(curve.phi, curve.first);
   } else {
-    const Vector3 phi = value(h * begin.state.omega_BN_B, end.phi, h * end.phi_slope);
-    const Vector3 phi_dot = derivative(begin.state.omega_BN_B, inverse_h * end.phi, end.phi_slope);
-    state.q_NB = begin.state.q_NB * exp(phi);
-    state.omega_BN_B = right_jacobian(phi, phi_dot);
-    state.omegaDot_BN_B = (1.0 - s) * end.omegaDot_begin + s * end.omegaDot_end;
+    const Lanes end_phi = lanes(end.phi), end_slope = lanes(end.phi_slope);
+    const Lanes phi = value(h * begin_omega, end_phi, h * end_slope);
+    const Lanes phi_dot = derivative(begin_omega, inverse_h * end_phi, end_slope);
+    q_NB = product(lanes(begin.state.q_NB), exp_of_rotation(phi));
+    state.omega_BN_B = vector_of(right_jacobian(phi, phi_dot));
+    state.omegaDot_BN_B = vector_of((1.0 - s) * lanes(end.omegaDot_begin) + s * lanes(end.omegaDot_end));
   }
-  const Vector3 dv = end.state.dv_N - begin.state.dv_N;
-  Vector3 force_N = inverse_h * dv;
+  state.q_NB = quaternion_of(q_NB);
+  const Lanes begin_dv = lanes(begin.state.dv_N);
+  const Lanes dv = lanes(end.state.dv_N) - begin_dv;
+  Lanes force_N = inverse_h * dv;
   if (end.linear_dv) {
-    state.dv_N = begin.state.dv_N + s * dv;
+    state.dv_N = vector_of(begin_dv + s * dv);
   } else {
-    state.dv_N = begin.state.dv_N + value(h * begin.specific_force_N, dv, h * end.specific_force_N);
-    force_N = derivative(begin.specific_force_N, force_N, end.specific_force_N);
+    const Lanes begin_force = lanes(begin.specific_force_N), end_force = lanes(end.specific_force_N);
+    state.dv_N = vector_of(begin_dv + value(h * begin_force, dv, h * end_force));
+    force_N = derivative(begin_force, force_N, end_force);
   }
-  state.specific_force_B = state.q_NB.conjugate() * force_N;
+  state.specific_force_B = vector_of(rotate(conjugate(q_NB), force_N));
 }
 
 MotionState Timeline::extrapolate(TruthTime time) const noexcept {

@@ -33,15 +33,17 @@ using LaneMask = std::int64_t __attribute__((vector_size(32)));  // all bits of 
   return std::bit_cast<Lanes>(std::bit_cast<LaneMask>(magnitude) | (std::bit_cast<LaneMask>(x) & INT64_MIN));
 }
 
-// A vector in memory, 0 at first.
+// A vector in memory, 0 at first; aligned as a double.
 class LaneVector {
  public:
-  [[gnu::always_inline]] Lanes lanes() const noexcept { return std::bit_cast<Lanes>(values_); }
+  [[gnu::always_inline]] Lanes lanes() const noexcept { return values_; }
   Vector3 vector() const noexcept { return {values_[0], values_[1], values_[2]}; }
-  [[gnu::always_inline]] void add(Lanes x) noexcept { values_ = std::bit_cast<std::array<double, 4>>(lanes() + x); }
+  [[gnu::always_inline]] void add(Lanes x) noexcept { values_ = lanes() + x; }
+  [[gnu::always_inline]] void subtract(Lanes x) noexcept { values_ = lanes() - x; }
 
  private:
-  std::array<double, 4> values_ = {};
+  using InMemory = double __attribute__((vector_size(32), aligned(8)));
+  InMemory values_ = {};
 };
 
 // A matrix as three columns.
@@ -54,6 +56,11 @@ class LaneMatrix {
   // Returns the product, with the bits that Eigen gives.
   [[gnu::always_inline]] Lanes operator*(const Vector3& v) const noexcept {
     return column(0) * v[0] + (column(1) * v[1] + column(2) * v[2]);
+  }
+  [[gnu::always_inline]] Lanes operator*(Lanes v) const noexcept {
+    const Lanes x = __builtin_shufflevector(v, v, 0, 0, 0, 0), y = __builtin_shufflevector(v, v, 1, 1, 1, 1),
+                z = __builtin_shufflevector(v, v, 2, 2, 2, 2);
+    return column(0) * x + (column(1) * y + column(2) * z);
   }
 
  private:

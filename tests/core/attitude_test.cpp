@@ -3,7 +3,10 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstring>
 #include <random>
+
+#include "core/numbers/lane_rotation.hpp"
 
 namespace imud {
 namespace {
@@ -183,6 +186,43 @@ TEST(Attitude, DeviationsOfAnglesAreThoseOfSmallRotations) {
   const Quaternion up(dcm_from_yaw_pitch_roll(0.3, 0.5 * pi, 0).transpose());
   EXPECT_EQ(roll_pitch_yaw_deviations(up, Vector3::Constant(0.1)).x(), pi);
   EXPECT_EQ(roll_pitch_yaw_deviations(up, Vector3::Constant(10)).y(), pi);
+}
+
+bool has_same_bits(const Vector3& a, const Vector3& b) { return std::memcmp(a.data(), b.data(), sizeof a) == 0; }
+bool has_same_bits(const Quaternion& a, const Quaternion& b) {
+  return std::memcmp(a.coeffs().data(), b.coeffs().data(), sizeof(Eigen::Vector4d)) == 0;
+}
+
+// The vectors have zeros of both signs, too.
+TEST(Attitude, LanesHaveTheSameBits) {
+  std::mt19937_64 random(7);
+  std::uniform_int_distribution<int> choice(0, 5);
+  for (const double to : {1e-6, 0.03, 1.0, pi, 20.0}) {
+    Rotations rotations(to);
+    const auto vector = [&] {
+      Vector3 v = rotations.next();
+      const int i = choice(random);
+      if (i < 3) v[i] = i == choice(random) ? -0.0 : 0.0;
+      return v;
+    };
+    for (int i = 0; i < 3000; ++i) {
+      const Vector3 phi = vector(), v = 10 * vector();
+      const Quaternion a = exp(phi), b = exp(vector());
+      const Matrix3 matrix = a.toRotationMatrix();
+      ASSERT_TRUE(has_same_bits(vector_of(cross(lanes(phi), lanes(v))), phi.cross(v)));
+      ASSERT_EQ(squared_norm(lanes(v)), v.squaredNorm());
+      ASSERT_TRUE(has_same_bits(quaternion_of(product(lanes(a), lanes(b))), a * b));
+      ASSERT_TRUE(has_same_bits(quaternion_of(product(conjugate(lanes(a)), lanes(b))), a.conjugate() * b));
+      ASSERT_TRUE(has_same_bits(vector_of(rotate(lanes(a), lanes(v))), Vector3(a * v)));
+      ASSERT_TRUE(has_same_bits(vector_of(log_of_rotation(lanes(a))), log(a)));
+      ASSERT_TRUE(has_same_bits(vector_of(log_of_rotation(-lanes(a))), log(Quaternion(-a.coeffs()))));
+      ASSERT_TRUE(has_same_bits(quaternion_of(exp_of_rotation(lanes(phi))), a));
+      ASSERT_TRUE(has_same_bits(vector_of(right_jacobian(lanes(phi), lanes(v))), right_jacobian(phi, v)));
+      ASSERT_TRUE(
+          has_same_bits(vector_of(inverse_right_jacobian(lanes(phi), lanes(v))), inverse_right_jacobian(phi, v)));
+      ASSERT_TRUE(has_same_bits(vector_of(LaneMatrix(matrix) * lanes(v)), Vector3(matrix * v)));
+    }
+  }
 }
 
 }  // namespace
