@@ -2,11 +2,27 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
+#include <type_traits>
 
 #include "core/attitude.hpp"
 #include "core/numbers/dispatch.hpp"
+#include "core/numbers/lane_rotation.hpp"
 
 namespace imud {
+namespace {
+
+// Copy the same bytes as an assignment, which copies each number alone, because Eigen's is not trivial.
+void copy_all(const MotionState& from, MotionState& to) noexcept {
+  static_assert(std::is_trivially_destructible_v<MotionState>);
+  std::memcpy(static_cast<void*>(&to), &from, sizeof to);
+}
+template <class Numbers>
+void copy_numbers(const Numbers& from, Numbers& to) noexcept {
+  std::memcpy(to.data(), from.data(), sizeof to);
+}
+
+}  // namespace
 
 void Imu::advance(const Timeline& timeline, TruthTime until) noexcept {
   until = until - model_.sampling_delay;
@@ -29,8 +45,8 @@ void Imu::accumulate(const Timeline& timeline, const MotionState& end) noexcept 
     // difference between advanced_ and the state as the timeline knows it now.
     revision_ = timeline.revision();
     const MotionState known = timeline.at(advanced_.time);
-    angle_sum_B_ += log(advanced_.q_NB.conjugate() * known.q_NB);
-    velocity_sum_B_ += known.q_NB.conjugate() * (known.dv_N - advanced_.dv_N);
+    angle_sum_B_.add(lanes(log(advanced_.q_NB.conjugate() * known.q_NB)));
+    velocity_sum_B_.add(lanes(known.q_NB.conjugate() * (known.dv_N - advanced_.dv_N)));
     advanced_ = known;
   }
   for (TruthTime next = timeline.next_truth(advanced_.time); next < end.time; next = timeline.next_truth(next))
@@ -47,67 +63,67 @@ void Imu::accumulate(const Timeline& timeline, const MotionState& end) noexcept 
 void Imu::add_piece(const MotionState& end) noexcept {
   const MotionState& begin = advanced_;
   const double h = seconds(end.time - begin.time);
-  const Vector3 u2 = end.q_NB.conjugate() * (end.dv_N - begin.dv_N);
-  if (begin.basis == MotionState::Basis::held || end.basis == MotionState::Basis::held) {
+  const Lanes u2 = rotate(conjugate(lanes(end.q_NB)), lanes(end.dv_N) - lanes(begin.dv_N));
+  if (begin.basis == MotionState::Basis::held || end.basis == MotionState::Basis::held) [[unlikely]] {
     // The motion began or stopped within this step; f is constant.
-    angle_sum_B_ += log(begin.q_NB.conjugate() * end.q_NB);
-    velocity_sum_B_ += model_.delta_velocity == DeltaVelocity::integral ? Vector3(h * end.specific_force_B) : u2;
+    angle_sum_B_.add(lanes(log(begin.q_NB.conjugate() * end.q_NB)));
+    velocity_sum_B_.add(model_.delta_velocity == DeltaVelocity::integral ? h * lanes(end.specific_force_B) : u2);
     advanced_ = end;
     return;
   }
-  const auto integral = [h](const Vector3& g1, const Vector3& g2, const Vector3& g1_dot, const Vector3& g2_dot) {
-    return Vector3((0.5 * h) * (g1 + g2) + (h * h / 12.0) * (g1_dot - g2_dot));
+  const auto integral = [h](Lanes g1, Lanes g2, Lanes g1_dot, Lanes g2_dot) __attribute__((always_inline)) {
+    return (0.5 * h) * (g1 + g2) + (h * h / 12.0) * (g1_dot - g2_dot);
   };
-  const Vector3& omega1 = begin.omega_BN_B;
-  const Vector3& omega2 = end.omega_BN_B;
-  const Vector3& omega1_dot = begin.omegaDot_BN_B;
-  const Vector3& omega2_dot = end.omegaDot_BN_B;
-  if (model_.delta_angle == DeltaAngle::integral) angle_sum_B_ += integral(omega1, omega2, omega1_dot, omega2_dot);
-  velocity_sum_B_ += u2;
+  const Lanes omega1 = lanes(begin.omega_BN_B), omega2 = lanes(end.omega_BN_B);
+  const Lanes omega1_dot = lanes(begin.omegaDot_BN_B), omega2_dot = lanes(end.omegaDot_BN_B);
+  if (model_.delta_angle == DeltaAngle::integral) angle_sum_B_.add(integral(omega1, omega2, omega1_dot, omega2_dot));
+  velocity_sum_B_.add(u2);
   if (model_.delta_velocity == DeltaVelocity::integral) {
-    const Vector3 g2 = omega2.cross(u2);
-    velocity_sum_B_ += integral(Vector3::Zero(), g2, omega1.cross(begin.specific_force_B),
-                                omega2_dot.cross(u2) + omega2.cross(end.specific_force_B - g2));
-    if (const Vector3& r = model_.r_SB_B; !r.isZero(0.0)) {
-      const Vector3 v1 = omega1.cross(r);
-      const Vector3 v2 = omega2.cross(r);
-      centripetal_sum_B_ +=
-          integral(omega1.cross(v1), omega2.cross(v2), omega1_dot.cross(v1) + omega1.cross(omega1_dot.cross(r)),
-                   omega2_dot.cross(v2) + omega2.cross(omega2_dot.cross(r)));
+    const Lanes g2 = cross(omega2, u2);
+    velocity_sum_B_.add(integral(Lanes{}, g2, cross(omega1, lanes(begin.specific_force_B)),
+                                 cross(omega2_dot, u2) + cross(omega2, lanes(end.specific_force_B) - g2)));
+    if (!model_.r_SB_B.isZero(0.0)) {
+      const Lanes r = lanes(model_.r_SB_B);
+      const Lanes v1 = cross(omega1, r), v2 = cross(omega2, r);
+      centripetal_sum_B_.add(integral(cross(omega1, v1), cross(omega2, v2),
+                                      cross(omega1_dot, v1) + cross(omega1, cross(omega1_dot, r)),
+                                      cross(omega2_dot, v2) + cross(omega2, cross(omega2_dot, r))));
     }
     if (size_effect_.is_on()) size_effect_.add_piece(begin, end, h);
   }
-  advanced_ = end;
+  copy_all(end, advanced_);
 }
 
-Vector3 Imu::true_delta_angle_B(const MotionState& now) const noexcept {
-  if (model_.delta_angle == DeltaAngle::integral) return angle_sum_B_;
-  return log(last_.q_NB.conjugate() * now.q_NB);
+[[gnu::always_inline]] inline Lanes Imu::true_delta_angle_B(const MotionState& now) const noexcept {
+  if (model_.delta_angle == DeltaAngle::integral) return angle_sum_B_.lanes();
+  return log_of_rotation(product(conjugate(lanes(last_.q_NB)), lanes(now.q_NB)));
 }
 
-Vector3 Imu::true_delta_velocity_B(const MotionState& now) const noexcept {
-  const Vector3& r = model_.r_SB_B;
+[[gnu::always_inline]] inline Lanes Imu::true_delta_velocity_B(const MotionState& now) const noexcept {
+  const Lanes r = lanes(model_.r_SB_B), omega = lanes(now.omega_BN_B), last_omega = lanes(last_.omega_BN_B);
   switch (model_.delta_velocity) {
     case DeltaVelocity::memo:
-      return velocity_sum_B_ + (now.omega_BN_B - last_.omega_BN_B).cross(r);
-    case DeltaVelocity::end_frame:
-      return now.q_NB.conjugate() * (now.dv_N - last_.dv_N - last_.q_NB * last_.omega_BN_B.cross(r)) +
-             now.omega_BN_B.cross(r);
+      return velocity_sum_B_.lanes() + cross(omega - last_omega, r);
+    case DeltaVelocity::end_frame: {
+      const Lanes moved = rotate(lanes(last_.q_NB), cross(last_omega, r));
+      const Lanes change_N = lanes(now.dv_N) - lanes(last_.dv_N) - moved;
+      return rotate(conjugate(lanes(now.q_NB)), change_N) + cross(omega, r);
+    }
     case DeltaVelocity::integral:
     default:
-      return velocity_sum_B_ + (now.omega_BN_B - last_.omega_BN_B).cross(r) + centripetal_sum_B_;
+      return velocity_sum_B_.lanes() + cross(omega - last_omega, r) + centripetal_sum_B_.lanes();
   }
 }
 
 // These two return the true increments since the last sample, in platform axes.
-Vector3 Imu::true_delta_angle(const MotionState& now) const noexcept {
-  return vector_of(dcm_PB_ * true_delta_angle_B(now));  // Eq. 4
+[[gnu::always_inline]] inline Lanes Imu::true_delta_angle(const MotionState& now) const noexcept {
+  return dcm_PB_ * true_delta_angle_B(now);  // Eq. 4
 }
-Vector3 Imu::true_delta_velocity(const MotionState& now) const noexcept {
-  const Vector3 delta_velocity = vector_of(dcm_PB_ * true_delta_velocity_B(now));  // Eq. 14
+[[gnu::always_inline]] inline Lanes Imu::true_delta_velocity(const MotionState& now) const noexcept {
+  const Lanes delta_velocity = dcm_PB_ * true_delta_velocity_B(now);  // Eq. 14
   if (!is_disturbed_) [[likely]]
     return delta_velocity;
-  return delta_velocity + size_effect_.increments(last_, now, model_.delta_velocity);
+  return delta_velocity + lanes(size_effect_.increments(last_, now, model_.delta_velocity));
 }
 
 // Adds the vibration, and the distances of the accelerometers, to the sensors' input.
@@ -121,53 +137,55 @@ void Imu::disturb(const MotionState& now, TruthTime time, double dt, Disturbed& 
 // true increments.
 template <bool Rare, class Out>
 [[gnu::always_inline]] inline void Imu::measure(const MotionState& now, TruthTime time, std::uint64_t k, double dt,
-                                                double since_power_on, bool begins_run, Vector3& delta_angle,
-                                                Vector3& delta_velocity, Out& out) noexcept {
-  Vector3 rate = vector_of(dcm_PB_ * now.omega_BN_B);  // Eq. 1
-  const Vector3 specific_force_B = now.specific_force_B + now.omegaDot_BN_B.cross(model_.r_SB_B) +
-                                   now.omega_BN_B.cross(now.omega_BN_B.cross(model_.r_SB_B));  // Eq. 8
-  Vector3 specific_force = vector_of(dcm_PB_ * specific_force_B);                              // Eq. 9
-  true_rate_ = rate;
+                                                double since_power_on, bool begins_run, Lanes delta_angle,
+                                                Lanes delta_velocity, Out& out) noexcept {
+  const Lanes omega = lanes(now.omega_BN_B), r = lanes(model_.r_SB_B);
+  Lanes rate = dcm_PB_ * omega;  // Eq. 1
+  const Lanes specific_force_B =
+      lanes(now.specific_force_B) + cross(lanes(now.omegaDot_BN_B), r) + cross(omega, cross(omega, r));  // Eq. 8
+  Vector3 specific_force = vector_of(dcm_PB_ * specific_force_B);                                        // Eq. 9
+  true_rate_ = vector_of(rate);
   true_specific_force_ = specific_force;
   if (is_disturbed_) [[unlikely]] {
     // disturb() gets copies, so that the values can stay in registers where nothing disturbs them.
-    Disturbed input = {rate, delta_angle, specific_force, delta_velocity};
+    Disturbed input = {vector_of(rate), vector_of(delta_angle), specific_force, vector_of(delta_velocity)};
     disturb(now, time, dt, input);
-    rate = input.rate;
-    delta_angle = input.delta_angle;
+    rate = lanes(input.rate);
+    delta_angle = lanes(input.delta_angle);
     specific_force = input.specific_force;
-    delta_velocity = input.delta_velocity;
+    delta_velocity = lanes(input.delta_velocity);
   }
-  const auto step_of = [&](const Vector3& value, const Vector3& increment) {
+  const Vector3 velocity_change = vector_of(delta_velocity);
+  const auto step_of = [&](Lanes value, Lanes increment) __attribute__((always_inline)) {
     return TriadStep{.normals = normals_,
                      .k = k,
                      .dt = dt,
                      .since_power_on = since_power_on,
                      .specific_force = specific_force,
-                     .delta_velocity = delta_velocity,
+                     .delta_velocity = velocity_change,
                      .surroundings = surroundings_,
                      .value = value,
                      .increment = increment,
                      .begins_run = begins_run};
   };
-  TriadStep gyro = step_of(rate, delta_angle), accelerometer = step_of(specific_force, delta_velocity);
+  TriadStep gyro = step_of(rate, delta_angle), accelerometer = step_of(lanes(specific_force), delta_velocity);
   gyro_.apply<Rare>(gyro);
   accelerometer_.apply<Rare>(accelerometer);
-  out.rate = gyro.value;
-  out.specific_force = accelerometer.value;
-  out.delta_angle = gyro.increment;
-  out.delta_velocity = accelerometer.increment;
+  out.rate = vector_of(gyro.value);
+  out.specific_force = vector_of(accelerometer.value);
+  out.delta_angle = vector_of(gyro.increment);
+  out.delta_velocity = vector_of(accelerometer.increment);
   out.status =
       gyro.saturated * status::gyro_saturated_x + accelerometer.saturated * status::accelerometer_saturated_x;
   if constexpr (Rare)
     if (inclinometer_) [[unlikely]]
-      out.status |= incline(step_of(specific_force, delta_velocity));
+      out.status |= incline(step_of(lanes(specific_force), delta_velocity));
 }
 
 // Takes an internal sample of the inclinometers, which stand where the accelerometers stand. Returns its status.
 IMUD_DISPATCHED [[gnu::noinline]] std::uint32_t Imu::incline(TriadStep step) noexcept {
   inclinometer_->apply(step);
-  inclination_ = step.value;
+  inclination_ = vector_of(step.value);
   return step.saturated * status::inclinometer_saturated_x;
 }
 
@@ -185,16 +203,16 @@ void Imu::take_internal(const Timeline& timeline, TruthTime time) noexcept {
 
 // Takes an internal sample that is not the last of its sample. The sums end at `now`.
 IMUD_DISPATCHED [[gnu::noinline]] void Imu::take_internal(const MotionState& now, TruthTime time) noexcept {
-  const Vector3 delta_angle = true_delta_angle(now), delta_velocity = true_delta_velocity(now);
-  Vector3 angle_piece = delta_angle - internal_.true_delta_angle;
-  Vector3 velocity_piece = delta_velocity - internal_.true_delta_velocity;
+  const Lanes delta_angle = true_delta_angle(now), delta_velocity = true_delta_velocity(now);
+  const Lanes angle_piece = delta_angle - lanes(internal_.true_delta_angle);
+  const Lanes velocity_piece = delta_velocity - lanes(internal_.true_delta_velocity);
   Measured measured;
   measure<true>(now, time, internal_number(), seconds(time - internal_.time),
                 internal_.since_power_on + seconds(time - last_time_), false, angle_piece, velocity_piece, measured);
   ++internal_.taken;
   internal_.time = time;
-  internal_.true_delta_angle = delta_angle;
-  internal_.true_delta_velocity = delta_velocity;
+  internal_.true_delta_angle = vector_of(delta_angle);
+  internal_.true_delta_velocity = vector_of(delta_velocity);
   internal_.delta_angle += measured.delta_angle;
   internal_.delta_velocity += measured.delta_velocity;
   internal_.status |= measured.status;
@@ -210,15 +228,14 @@ IMUD_DISPATCHED [[gnu::noinline]] void Imu::measure_last(const MotionState& now,
   if (is_first) {
     internal_ = {.taken = internal_.taken, .time = time};  // the numbers continue
     for (Measured other; has_internal_left(); ++internal_.taken, begins_run = false) {
-      Vector3 no_angle = Vector3::Zero(), no_velocity = Vector3::Zero();
-      measure<true>(now, time, internal_number(), 0, since_power_on, begins_run, no_angle, no_velocity, other);
+      measure<true>(now, time, internal_number(), 0, since_power_on, begins_run, Lanes{}, Lanes{}, other);
       internal_.status |= other.status;
     }
   }
   delta_angle -= internal_.true_delta_angle;
   delta_velocity -= internal_.true_delta_velocity;
-  measure<true>(now, time, internal_number(), seconds(time - internal_.time), since_power_on, begins_run, delta_angle,
-                delta_velocity, out);
+  measure<true>(now, time, internal_number(), seconds(time - internal_.time), since_power_on, begins_run,
+                lanes(delta_angle), lanes(delta_velocity), out);
   out.delta_angle += internal_.delta_angle;
   out.delta_velocity += internal_.delta_velocity;
   out.status |= internal_.status;
@@ -238,27 +255,26 @@ IMUD_DISPATCHED [[gnu::noinline]] void Imu::measure_last(const MotionState& now,
     update_surroundings();
   out.temperature_c = temperature_.reported_c();
 
-  Vector3 delta_angle = Vector3::Zero();
-  Vector3 delta_velocity = Vector3::Zero();
+  Lanes delta_angle = {}, delta_velocity = {};
   double dt = 0.0;
   if (!is_first) {
     dt = seconds(time - last_time_);
     delta_angle = true_delta_angle(now);
     delta_velocity = true_delta_velocity(now);
   }
-  last_.q_NB = now.q_NB;
-  last_.omega_BN_B = now.omega_BN_B;
-  last_.dv_N = now.dv_N;
-  last_force_B_ = now.specific_force_B;
+  copy_numbers(now.q_NB.coeffs(), last_.q_NB.coeffs());
+  copy_numbers(now.omega_BN_B, last_.omega_BN_B);
+  copy_numbers(now.dv_N, last_.dv_N);
+  copy_numbers(now.specific_force_B, last_force_B_);
   last_time_ = time;
-  angle_sum_B_.setZero();
-  velocity_sum_B_.setZero();
-  centripetal_sum_B_.setZero();
+  angle_sum_B_ = {};
+  velocity_sum_B_ = {};
+  centripetal_sum_B_ = {};
   if (is_disturbed_) [[unlikely]]
     size_effect_.clear();
 
   if (measures_slowly_) [[unlikely]]
-    measure_last(now, time, is_first, delta_angle, delta_velocity, out);
+    measure_last(now, time, is_first, vector_of(delta_angle), vector_of(delta_velocity), out);
   else
     measure<false>(now, time, counter_, dt, time_since_power_on(), is_first, delta_angle, delta_velocity, out);
   out.q_LP = now.q_NB * q_BP_;

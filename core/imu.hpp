@@ -210,13 +210,13 @@ class Imu {
   std::uint32_t incline(TriadStep step) noexcept;
   template <bool Rare, class Out>
   void measure(const MotionState& now, TruthTime time, std::uint64_t k, double dt, double since_power_on,
-               bool begins_run, Vector3& delta_angle, Vector3& delta_velocity, Out& out) noexcept;
+               bool begins_run, Lanes delta_angle, Lanes delta_velocity, Out& out) noexcept;
   struct Disturbed {
     Vector3 rate, delta_angle, specific_force, delta_velocity;
   };
   [[gnu::noinline]] void disturb(const MotionState& now, TruthTime time, double dt, Disturbed& input) noexcept;
-  Vector3 true_delta_angle(const MotionState& now) const noexcept;
-  Vector3 true_delta_velocity(const MotionState& now) const noexcept;
+  Lanes true_delta_angle(const MotionState& now) const noexcept;
+  Lanes true_delta_velocity(const MotionState& now) const noexcept;
   bool is_held() const noexcept { return held_.count() > 0; }
   Sample sample_held(const Timeline& timeline, DeviceTime stamp) noexcept;
   Sample sample_moving(const Timeline& timeline, TruthTime time, DeviceTime stamp) noexcept;
@@ -238,8 +238,8 @@ class Imu {
   void draw_constants() noexcept;
   void follow_truth(const Timeline& timeline, TruthTime time) noexcept;
   void update_surroundings() noexcept;
-  Vector3 true_delta_angle_B(const MotionState& now) const noexcept;
-  Vector3 true_delta_velocity_B(const MotionState& now) const noexcept;
+  Lanes true_delta_angle_B(const MotionState& now) const noexcept;
+  Lanes true_delta_velocity_B(const MotionState& now) const noexcept;
 
   ImuModel model_;
   LaneMatrix dcm_PB_;
@@ -284,9 +284,9 @@ class Imu {
   std::uint32_t revision_ = 0;              // Timeline::revision() when advanced_ was computed
   Internal internal_;
   Vector3 true_rate_ = Vector3::Zero(), true_specific_force_ = Vector3::Zero();  // of the last sample
-  Vector3 angle_sum_B_;        // rad, integral of the rate since last_
-  Vector3 velocity_sum_B_;     // m/s, of the specific force of B's origin, as model_.delta_velocity defines it
-  Vector3 centripetal_sum_B_;  // m/s, of omega x (omega x r)
+  LaneVector angle_sum_B_;        // rad, integral of the rate since last_
+  LaneVector velocity_sum_B_;     // m/s, of the specific force of B's origin, as model_.delta_velocity defines it
+  LaneVector centripetal_sum_B_;  // m/s, of omega x (omega x r)
 };
 
 }  // namespace imud

@@ -65,12 +65,12 @@ void Imu::sense_earth(const Earth& earth, PositionVelocity position, const Timel
                     .specific_force = none,
                     .delta_velocity = none,
                     .surroundings = surroundings_,
-                    .value = out.magnetic_field,
-                    .increment = none,
+                    .value = lanes(out.magnetic_field),
+                    .increment = lanes(none),
                     .begins_run = !had_field_};
   had_field_ = has_field;
   magnetometer_.apply(step);  // the error processes continue where there is no field
-  if (has_field) out.magnetic_field = step.value;
+  if (has_field) out.magnetic_field = vector_of(step.value);
 }
 
 }  // namespace imud

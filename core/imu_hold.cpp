@@ -64,7 +64,7 @@ void Imu::catch_up(TruthTime time) noexcept {
       std::clamp(time - sampled_ - nanoseconds(period_s_), Nanoseconds{0}, std::exchange(may_catch_up_, {}));
   const Vector3 dv_B = seconds(had) * last_force_B_;
   last_.dv_N += last_.q_NB * dv_B;
-  velocity_sum_B_ -= dv_B;
+  velocity_sum_B_.subtract(lanes(dv_B));
   last_time_ = last_time_ + had;
   if (internal_.taken == 0) internal_.time = last_time_;
 }

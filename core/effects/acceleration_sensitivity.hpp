@@ -19,17 +19,17 @@ class AccelerationSensitivity : public StatelessEffect {
   AccelerationSensitivity(const TriadErrors& errors, Quantity, double)
       : linear_(errors.g_sensitivity),
         square_(errors.g_squared_sensitivity),
-        on_(!linear_.isZero(0.0) || !square_.isZero(0.0)) {}
+        on_(!errors.g_sensitivity.isZero(0.0) || !errors.g_squared_sensitivity.isZero(0.0)) {}
   bool is_on() const noexcept { return on_; }
   void apply(TriadStep& step) const noexcept {
-    step.error += response(step.specific_force);
-    if (step.dt > 0.0) step.mean_error += response(step.delta_velocity / step.dt);
+    step.error += response(lanes(step.specific_force));
+    if (step.dt > 0.0) step.mean_error += response(lanes(step.delta_velocity) / step.dt);
   }
 
  private:
-  Vector3 response(const Vector3& f) const noexcept { return linear_ * f + square_ * f.cwiseProduct(f); }
+  [[gnu::always_inline]] Lanes response(Lanes f) const noexcept { return linear_ * f + square_ * (f * f); }
 
-  Matrix3 linear_, square_;
+  LaneMatrix linear_, square_;
   bool on_;
 };
 

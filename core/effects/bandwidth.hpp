@@ -29,7 +29,7 @@ class Bandwidth {
   // off.
   void apply(TriadStep& step) noexcept {
     if (step.begins_run) is_settled_ = false;
-    step.value = next(Vector3(step.value));
+    step.value = lanes(next(vector_of(step.value)));
   }
   void seek(const Normals&, std::uint64_t) noexcept { is_settled_ = false; }
   void power_on(std::uint64_t) noexcept { is_settled_ = false; }

@@ -16,7 +16,7 @@ class Bias : public StatelessEffect {
   static bool is_on() noexcept { return true; }
   // Replaces b from the next sample on.
   void set(const Vector3& bias) noexcept { bias_ = bias; }
-  void apply(TriadStep& step) const noexcept { step.constant_error += bias_; }
+  void apply(TriadStep& step) const noexcept { step.constant_error += lanes(bias_); }
 
  private:
   Vector3 bias_;

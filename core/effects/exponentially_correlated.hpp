@@ -32,8 +32,8 @@ class ExponentiallyCorrelated {
   // off.
   void apply(TriadStep& step) noexcept {
     const Value value = next(step.normals, step.k);
-    step.error += value.now;
-    step.mean_error += value.mean;
+    step.error += lanes(value.now);
+    step.mean_error += lanes(value.mean);
   }
   void seek(const Normals& normals, std::uint64_t k) noexcept { noise_.seek(normals, k); }
   void power_on(std::uint64_t) noexcept {}

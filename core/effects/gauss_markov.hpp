@@ -23,7 +23,7 @@ class GaussMarkov {
         has_memory_(!errors.walk_transition.isZero(0.0)),
         normals_(quantity, Process::gauss_markov) {}
   bool is_on() const noexcept { return on_; }
-  void apply(TriadStep& step) noexcept { step.constant_error += next(step.normals, step.k); }
+  void apply(TriadStep& step) noexcept { step.constant_error += lanes(next(step.normals, step.k)); }
 
   // Returns the error x of sample k, valid until the next call. The last call must have been next(k - 1) or seek(k),
   // unless k is 0.

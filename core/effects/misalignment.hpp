@@ -22,7 +22,7 @@ class Misalignment : public StatelessEffect {
   }
 
  private:
-  Matrix3 matrix_;
+  LaneMatrix matrix_;
   bool on_;
 };
 

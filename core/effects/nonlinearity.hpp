@@ -27,10 +27,9 @@ class Nonlinearity : public StatelessEffect {
   }
 
  private:
-  Vector3 deviation(const Vector3& m) const noexcept {
-    const Vector3 square = m.cwiseProduct(m);
-    return half_asymmetry_.cwiseProduct(m.cwiseAbs()) + quadratic_.cwiseProduct(square) +
-           cubic_.cwiseProduct(square.cwiseProduct(m));
+  [[gnu::always_inline]] Lanes deviation(Lanes m) const noexcept {
+    const Lanes square = m * m;
+    return lanes(half_asymmetry_) * magnitude(m) + lanes(quadratic_) * square + lanes(cubic_) * (square * m);
   }
 
   Vector3 half_asymmetry_, quadratic_, cubic_;

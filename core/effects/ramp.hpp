@@ -16,8 +16,9 @@ class Ramp : public StatelessEffect {
   Ramp(const TriadErrors& errors, Quantity, double) : slope_(errors.ramp), on_(!errors.ramp.isZero(0.0)) {}
   bool is_on() const noexcept { return on_; }
   void apply(TriadStep& step) const noexcept {
-    step.error += step.since_power_on * slope_;
-    step.mean_error += (step.since_power_on - 0.5 * step.dt) * slope_;
+    const Lanes slope = lanes(slope_);
+    step.error += step.since_power_on * slope;
+    step.mean_error += (step.since_power_on - 0.5 * step.dt) * slope;
   }
 
  private:

@@ -25,10 +25,11 @@ class RandomWalk {
   bool is_on() const noexcept { return on_; }
   void apply(TriadStep& step) noexcept {
     constexpr double within = 0.28867513459481287;  // 1/sqrt(12)
-    const Vector3 before = b_;
+    const Lanes before = lanes(b_);
     next(step.normals, step.k);
-    step.error += b_;
-    step.mean_error += 0.5 * (before + b_) + within * per_step_.cwiseProduct(within_step_.at(step.normals, step.k));
+    const Lanes now = lanes(b_), random = lanes(within_step_.at(step.normals, step.k));
+    step.error += now;
+    step.mean_error += 0.5 * (before + now) + within * (lanes(per_step_) * random);
   }
   void seek(const Normals& normals, std::uint64_t k) noexcept {
     b_.setZero();

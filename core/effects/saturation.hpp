@@ -1,7 +1,6 @@
 #pragma once
 
 #include <algorithm>
-#include <cmath>
 #include <string_view>
 
 #include "core/effects/triad_errors.hpp"
@@ -29,11 +28,13 @@ class Saturation : public StatelessEffect {
       : limits_(errors.range()), free_(std::min(limits_.upper.minCoeff(), (-limits_.lower).minCoeff())) {}
   static bool is_on() noexcept { return true; }
   void apply(TriadStep& step) const noexcept {
-    const Vector3& m = step.value;
-    if (std::abs(m[0]) <= free_ && std::abs(m[1]) <= free_ && std::abs(m[2]) <= free_) return;
+    const Lanes m = magnitude(step.value);
+    if (m[0] <= free_ && m[1] <= free_ && m[2] <= free_) return;
+    Vector3 value = vector_of(step.value), increment = vector_of(step.increment);
     for (int i = 0; i < 3; ++i)
-      if (limit_axis(limits_, i, step.dt, step.value, step.increment))
-        step.saturated |= 1U << static_cast<unsigned>(i);
+      if (limit_axis(limits_, i, step.dt, value, increment)) step.saturated |= 1U << static_cast<unsigned>(i);
+    step.value = lanes(value);
+    step.increment = lanes(increment);
   }
 
  private:

@@ -15,8 +15,9 @@ class ScaleFactor : public StatelessEffect {
   ScaleFactor(const TriadErrors& errors, Quantity, double) : factor_(errors.scale_factor) {}
   static bool is_on() noexcept { return true; }
   void apply(TriadStep& step) const noexcept {
-    step.value = factor_.cwiseProduct(step.value);
-    step.increment = factor_.cwiseProduct(step.increment);
+    const Lanes factor = lanes(factor_);
+    step.value = factor * step.value;
+    step.increment = factor * step.increment;
   }
 
  private:

@@ -24,7 +24,7 @@ class TemperatureBias : public StatelessEffect {
   }
 
  private:
-  Matrix3 coefficients_;
+  LaneMatrix coefficients_;
   double reference_c_;
   bool on_;
 };

@@ -21,13 +21,13 @@ class TemperatureScale : public StatelessEffect {
   bool is_on() const noexcept { return on_; }
   void apply(TriadStep& step) const noexcept {
     const double x = step.surroundings.temperature_c - reference_c_;
-    const Vector3 change = coefficients_ * Vector3(x, x * x, x * x * x);
-    step.value += change.cwiseProduct(step.value);
-    step.increment += change.cwiseProduct(step.increment);
+    const Lanes change = coefficients_ * Vector3(x, x * x, x * x * x);
+    step.value += change * step.value;
+    step.increment += change * step.increment;
   }
 
  private:
-  Matrix3 coefficients_;
+  LaneMatrix coefficients_;
   double reference_c_;
   bool on_;
 };

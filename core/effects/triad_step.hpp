@@ -3,6 +3,7 @@
 
 #include <cstdint>
 
+#include "core/numbers/lanes.hpp"
 #include "core/numbers/random.hpp"
 #include "core/vector.hpp"
 
@@ -46,13 +47,13 @@ struct TriadStep {
   const Vector3& delta_velocity;  // m/s, its integral over the step
   const Surroundings& surroundings = ordinary;  // at the end of the step
 
-  Vector3 value;      // u, at the end of the step
-  Vector3 increment;  // u s, its integral over the step
+  Lanes value;      // u, at the end of the step
+  Lanes increment;  // u s, its integral over the step
 
   // AddErrors adds these sums of the additive errors, u: the constant errors of the step, and the other errors, at
   // the step's end and as their mean.
-  Vector3 constant_error = Vector3::Zero();
-  Vector3 error = Vector3::Zero(), mean_error = Vector3::Zero();
+  Lanes constant_error = {};
+  Lanes error = {}, mean_error = {};
 
   bool begins_run = false;      // there is no value before this one
   std::uint32_t saturated = 0;  // bit i: axis i

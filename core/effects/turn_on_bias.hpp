@@ -21,7 +21,7 @@ class TurnOnBias {
       bias_ = sigma_.cwiseProduct(step.normals(quantity_, Process::turn_on_bias, number_));
       drawn_ = true;
     }
-    step.constant_error += bias_;
+    step.constant_error += lanes(bias_);
   }
   void seek(const Normals&, std::uint64_t) noexcept {}
   void power_on(std::uint64_t number) noexcept {

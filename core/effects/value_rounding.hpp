@@ -47,12 +47,12 @@ class ValueRounding {
   bool is_on() const noexcept { return lsb_ > 0.0; }
   void apply(TriadStep& step) noexcept {
     const Lanes carried = carry_ ? lanes(remainder_) : all_lanes(0.0);
-    const Lanes m = lanes(step.value) + carried;
+    const Lanes m = step.value + carried;
     const Lanes rounded = with_sign_of(m, lsb_ * round_magnitude(magnitude(m / lsb_), least_));
     const Lanes remainder = m - rounded;
-    step.increment = vector_of(lanes(step.increment) - share_ * step.dt * (remainder - carried));
+    step.increment -= share_ * step.dt * (remainder - carried);
     remainder_ = vector_of(remainder);
-    step.value = vector_of(rounded);
+    step.value = rounded;
   }
   void seek(const Normals&, std::uint64_t) noexcept {}  // the remainder is not known without the sequence
   void power_on(std::uint64_t) noexcept {}

@@ -32,9 +32,9 @@ class VibrationRectification {
   bool is_on() const noexcept { return on_; }
   void apply(TriadStep& step) noexcept {
     if (response_ > 0)
-      step.constant_error += estimated(step.specific_force);
+      step.constant_error += lanes(estimated(step.specific_force));
     else
-      step.constant_error += step.surroundings.vibration_power * shift_;
+      step.constant_error += step.surroundings.vibration_power * lanes(shift_);
   }
   void seek(const Normals&, std::uint64_t) noexcept {}  // the mean square is not known without the sequence
   void power_on(std::uint64_t) noexcept {}

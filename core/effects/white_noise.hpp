@@ -21,7 +21,7 @@ class WhiteNoise : public StatelessEffect {
         normals_(quantity, Process::white_noise) {}
   bool is_on() const noexcept { return on_; }
   void apply(TriadStep& step) noexcept {
-    step.constant_error += sigma_.cwiseProduct(normals_.at(step.normals, step.k));
+    step.constant_error += lanes(sigma_) * lanes(normals_.at(step.normals, step.k));
   }
   void forget_numbers() noexcept { normals_.forget(); }
 

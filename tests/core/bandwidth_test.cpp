@@ -37,8 +37,8 @@ struct Unit {
                       .since_power_on = 0,
                       .specific_force = zero,
                       .delta_velocity = zero,
-                      .value = value,
-                      .increment = value / rate_hz,
+                      .value = lanes(value),
+                      .increment = lanes(value / rate_hz),
                       .begins_run = begins_run};
     triad.apply(step);
     return step;
@@ -75,7 +75,7 @@ std::array<Complex, 3> measured(const SensorFilter& filter, int cycles) {
   std::array<Complex, 3> ratio = {};
   for (int k = 0; k < settling + period; ++k) {
     const double phase = 2 * M_PI * static_cast<double>(k * cycles % period) / period;
-    const Vector3 value = unit.take(Vector3::Constant(std::sin(phase))).value;
+    const Vector3 value = vector_of(unit.take(Vector3::Constant(std::sin(phase))).value);
     if (k >= settling)
       for (std::size_t i = 0; i < 3; ++i)
         ratio[i] += Complex(0, 2.0 / period) * std::polar(1.0, -phase) * value[static_cast<int>(i)];
@@ -114,7 +114,7 @@ TEST(Bandwidth, DelaysARampByItsGroupDelay) {
     Vector3 value, input;
     for (int k = 0; k < 20'000; ++k) {
       input = Vector3::Constant(k / rate_hz);
-      value = unit.take(input).value;
+      value = vector_of(unit.take(input).value);
     }
     for (int axis = 0; axis < 3; ++axis)
       EXPECT_NEAR(input[axis] - value[axis], group_delay_s(filter, axis, rate_hz), 1e-11) << filter.order;
@@ -131,7 +131,7 @@ TEST(Bandwidth, SettlesOnTheFirstValueOfARunAndAfterSeek) {
     const double rounding = filter.length > 1 ? 1e-15 : 0;  // a mean of equal numbers may differ from them
     const auto is_settled_on = [&](const Vector3& value, bool begins_run) {
       for (int k = 0; k < 100; ++k) {
-        const Vector3 out = unit.take(value, begins_run && k == 0).value;
+        const Vector3 out = vector_of(unit.take(value, begins_run && k == 0).value);
         for (int axis = 0; axis < 3; ++axis)
           EXPECT_LE(std::abs(out[axis] - value[axis]), rounding * std::abs(value[axis])) << filter.order << " " << k;
       }
@@ -141,7 +141,7 @@ TEST(Bandwidth, SettlesOnTheFirstValueOfARunAndAfterSeek) {
     unit.triad.seek(unit.normals, unit.k);
     is_settled_on(first, false);
     // Within a run a step takes time, except on an axis without a filter.
-    const Vector3 out = unit.take(second).value;
+    const Vector3 out = vector_of(unit.take(second).value);
     EXPECT_GT((out - second).cwiseAbs().head<2>().minCoeff(), 1e-9);
   }
 }
@@ -151,10 +151,10 @@ TEST(Bandwidth, LeavesTheIncrementsAndPrecedesTheRounding) {
   unit.take(Vector3::Zero());
   for (int k = 0; k < 100; ++k) {
     const TriadStep step = unit.take(Vector3::Constant(8));
-    const double value = step.value.x();
+    const double value = step.value[0];
     EXPECT_EQ(value, 0.5 * std::round(value / 0.5));
     // The rounding of the value takes at most half an LSB from the increment, or adds it.
-    EXPECT_NEAR(step.increment.x() * rate_hz, 8, 0.25);
+    EXPECT_NEAR(step.increment[0] * rate_hz, 8, 0.25);
   }
 }
 
@@ -163,7 +163,8 @@ TEST(Bandwidth, RecoversFromAValueThatIsNotFinite) {
     Unit unit(filter);
     for (const double value : {1.0, 1e308, -1e308, std::nan(""), 1.0}) unit.take(Vector3::Constant(value));
     for (int k = 0; k < 20'000; ++k) unit.take(Vector3::Constant(2));
-    EXPECT_LT((unit.take(Vector3::Constant(2)).value - Vector3::Constant(2)).norm(), 1e-12) << filter.order;
+    EXPECT_LT((vector_of(unit.take(Vector3::Constant(2)).value) - Vector3::Constant(2)).norm(), 1e-12)
+        << filter.order;
   }
 }
 
@@ -183,10 +184,10 @@ TEST(Bandwidth, TakesAnotherFilter) {
                         .since_power_on = 0,
                         .specific_force = zero,
                         .delta_velocity = zero,
-                        .value = Vector3::Constant(k == 0 ? 0 : 1),
-                        .increment = zero};
+                        .value = lanes(Vector3::Constant(k == 0 ? 0 : 1)),
+                        .increment = lanes(zero)};
       bandwidth.apply(step);
-      if (k > 0 && std::abs(step.value.x() - 1) > 1e-9) last = k;
+      if (k > 0 && std::abs(step.value[0] - 1) > 1e-9) last = k;
     }
     return last;
   };
@@ -216,10 +217,10 @@ TEST(Bandwidth, IsAppliedByATriadThatHadNone) {
                       .since_power_on = 0,
                       .specific_force = zero,
                       .delta_velocity = zero,
-                      .value = Vector3::Constant(value),
-                      .increment = zero};
+                      .value = lanes(Vector3::Constant(value)),
+                      .increment = lanes(zero)};
     triad.apply(step);
-    return step.value.x();
+    return step.value[0];
   };
   EXPECT_EQ(filtered(0), 0);
   EXPECT_EQ(filtered(1), 1);

@@ -27,8 +27,8 @@ TriadStep take(Triad& triad, const Normals& normals, std::uint64_t k, double rat
                     .since_power_on = static_cast<double>(k) / rate_hz,
                     .specific_force = zero,
                     .delta_velocity = zero,
-                    .value = zero,
-                    .increment = zero};
+                    .value = lanes(zero),
+                    .increment = lanes(zero)};
   triad.apply(step);
   return step;
 }
@@ -241,7 +241,7 @@ TEST(BiasInstability, IsStationaryFromTheFirstSample) {
   for (int seed = 0; seed < seeds; ++seed) {
     const Normals normals(static_cast<std::uint64_t>(seed), 1);
     Triad triad(errors, Quantity::rate, 0.01);
-    sum += take(triad, normals, 0, 100).value.squaredNorm();
+    sum += vector_of(take(triad, normals, 0, 100).value).squaredNorm();
   }
   // 4.9 standard errors of sqrt(2/n): 1e-6.
   EXPECT_NEAR(sum / (3 * seeds) / expected, 1, 4.9 * std::sqrt(2.0 / (3 * seeds)));
@@ -259,8 +259,8 @@ TEST(NoiseTerms, SeekGivesTheSameAsTheSequence) {
         const TriadStep one = take(sequence, normals, k, 100);
         if (k < from) continue;
         const TriadStep other = take(sought, normals, k, 100);
-        ASSERT_EQ(one.value, other.value) << term.name << " " << k;
-        ASSERT_EQ(one.increment, other.increment) << term.name << " " << k;
+        ASSERT_EQ(vector_of(one.value), vector_of(other.value)) << term.name << " " << k;
+        ASSERT_EQ(vector_of(one.increment), vector_of(other.increment)) << term.name << " " << k;
       }
     }
 }
@@ -276,10 +276,10 @@ TEST(NoiseTerms, IncrementsAreTheIntegralsOfTheValues) {
     for (std::uint64_t k = 0; k < 5000; ++k) {
       const TriadStep step = take(triad, normals, k, 100);
       if (k > 0) {
-        sum += step.increment;
-        trapezoids += 0.005 * (before + step.value);
+        sum += vector_of(step.increment);
+        trapezoids += 0.005 * (before + vector_of(step.value));
       }
-      before = step.value;
+      before = vector_of(step.value);
     }
     // A walk's increments contain its course within the steps: 4.9 sigma of K sqrt(T^3/12) each. The driving noise of
     // an exponentially correlated process has K = sigma sqrt(2/Tc).

@@ -28,8 +28,8 @@ TriadStep step_of(const Normals& normals, std::uint64_t k, double period_s, cons
           .specific_force = kept_force,
           .delta_velocity = delta_velocity,
           .surroundings = surroundings,
-          .value = value,
-          .increment = period_s * value,
+          .value = lanes(value),
+          .increment = lanes(period_s * value),
           .begins_run = k == 0};
 }
 
@@ -44,8 +44,8 @@ TEST(DeadZone, HasNoResponseAboutZero) {
     triad.apply(step);
     const auto expected = [rate](double z) { return std::abs(rate) <= z ? 0.0 : rate - std::copysign(z, rate); };
     const Vector3 all(expected(0.1), expected(0.2), rate);
-    EXPECT_LT((step.value - all).norm(), 1e-15) << rate;
-    EXPECT_LT((step.increment - 0.01 * all).norm(), 1e-16) << rate;
+    EXPECT_LT((vector_of(step.value) - all).norm(), 1e-15) << rate;
+    EXPECT_LT((vector_of(step.increment) - 0.01 * all).norm(), 1e-16) << rate;
     ++compared;
   }
   EXPECT_EQ(compared, 8);
@@ -69,8 +69,8 @@ TEST(ThermalDrift, FollowsTheRateAndTheHistoryOfTheTemperature) {
       const Surroundings surroundings = {.temperature_c = temperature_c, .temperature_rate = rate};
       TriadStep step = step_of(normals, k++, 1, zero, zero, surroundings);
       triad.apply(step);
-      EXPECT_EQ(step.increment, step.value);
-      bias = step.value;
+      EXPECT_EQ(vector_of(step.increment), vector_of(step.value));
+      bias = vector_of(step.value);
     }
     return bias;
   };
@@ -96,8 +96,8 @@ TEST(CrossSensitivity, RespondsToProducts) {
   TriadStep step = step_of(normals, 0, 0.5, zero, Vector3(2, 3, 5));
   triad.apply(step);
   // The products are 15, 10 and 6.
-  EXPECT_LT((step.value - Vector3(15 + 20 + 18, 60 + 50 + 36, 105 + 80 + 54)).norm(), 1e-12);
-  EXPECT_LT((step.increment - 0.5 * step.value).norm(), 1e-12);
+  EXPECT_LT((vector_of(step.value) - Vector3(15 + 20 + 18, 60 + 50 + 36, 105 + 80 + 54)).norm(), 1e-12);
+  EXPECT_LT((vector_of(step.increment) - 0.5 * vector_of(step.value)).norm(), 1e-12);
 }
 
 TriadErrors popcorn(double level, double time_s) {
@@ -119,13 +119,13 @@ TEST(PopcornNoise, ChangesAtExponentiallyDistributedTimes) {
   for (std::uint64_t k = 0; k < count; ++k) {
     TriadStep step = step_of(normals, k, 1 / rate_hz);
     triad.apply(step);
-    ASSERT_EQ(std::abs(step.value.x()), 1);
-    ASSERT_EQ(std::abs(step.value.y()), 2);
-    ASSERT_EQ(step.value.z(), 0);
-    positive += step.value.x() > 0 ? 1 : 0;
+    ASSERT_EQ(std::abs(step.value[0]), 1);
+    ASSERT_EQ(std::abs(step.value[1]), 2);
+    ASSERT_EQ(step.value[2], 0);
+    positive += step.value[0] > 0 ? 1 : 0;
     // The mean over a step with one change says when it was.
-    const double mean = step.increment.x() * rate_hz;
-    if (k > 0 && step.value.x() != last) {
+    const double mean = step.increment[0] * rate_hz;
+    if (k > 0 && step.value[0] != last) {
       const double at = static_cast<double>(k - 1) / rate_hz + 0.5 * (1 + last * mean) / rate_hz;
       if (changes >= 0) {
         sum += at - since;
@@ -134,7 +134,7 @@ TEST(PopcornNoise, ChangesAtExponentiallyDistributedTimes) {
       since = at;
       ++changes;
     }
-    last = step.value.x();
+    last = step.value[0];
   }
   ASSERT_GT(changes, 35'000);
   // Two changes within a sample are not seen: the times between those that are seen are longer by T/tau at most.
@@ -155,7 +155,7 @@ TEST(PopcornNoise, HasTheAllanVarianceOfItsAutocovariance) {
   for (std::uint64_t k = 0; k < 4'000'000; ++k) {
     TriadStep step = step_of(normals, k, period);
     triad.apply(step);
-    increments.push_back(step.increment.x());
+    increments.push_back(step.increment[0]);
   }
   int compared = 0;
   for (const std::size_t m : {200U, 600U, 2000U}) {
@@ -179,7 +179,7 @@ TEST(PopcornNoise, HasTheSameIntegralAtAnyRate) {
     for (std::uint64_t k = 0; k <= static_cast<std::uint64_t>(20 * rate_hz); ++k) {
       TriadStep step = step_of(normals, k, 1 / rate_hz);
       triad.apply(step);
-      if (k > 0) sum += step.increment;
+      if (k > 0) sum += vector_of(step.increment);
     }
     return sum;
   };
@@ -202,9 +202,9 @@ TEST(QuantizationNoise, IsWhiteInTheAngle) {
   for (std::uint64_t k = 0; k < count; ++k) {
     TriadStep step = step_of(normals, k, period);
     triad.apply(step);
-    EXPECT_NEAR(step.value.x() * period, step.increment.x(), 1e-18);
-    increments.push_back(step.increment.x());
-    sum += step.increment.x();
+    EXPECT_NEAR(step.value[0] * period, step.increment[0], 1e-18);
+    increments.push_back(step.increment[0]);
+    sum += step.increment[0];
     square += sum * sum / count;
   }
   // Each sum is a reading less the first.
@@ -238,9 +238,9 @@ TEST(RareEffects, SeekAndAnotherSensorGoOnAsTheSequence) {
       TriadStep other = step_of(normals, k, 0.01), third = step_of(normals, k, 0.01);
       sought.apply(other);
       next.apply(third);
-      ASSERT_EQ(one.value, other.value) << from << " " << k;
-      ASSERT_EQ(one.increment, other.increment) << from << " " << k;
-      ASSERT_EQ(one.value, third.value) << from << " " << k;
+      ASSERT_EQ(vector_of(one.value), vector_of(other.value)) << from << " " << k;
+      ASSERT_EQ(vector_of(one.increment), vector_of(other.increment)) << from << " " << k;
+      ASSERT_EQ(vector_of(one.value), vector_of(third.value)) << from << " " << k;
       ++compared;
     }
   }
@@ -264,10 +264,10 @@ TEST(FirFilter, HasTheResponseAndTheDelayOfItsTaps) {
       TriadStep step = step_of(normals, k, 1 / rate_hz, Vector3(input.real(), 0, 1));
       triad.apply(step);
       if (k >= taps.size()) {
-        EXPECT_NEAR(step.value.x(), (expected * input).real(), 1e-12) << hz << " " << k;
+        EXPECT_NEAR(step.value[0], (expected * input).real(), 1e-12) << hz << " " << k;
       }
-      EXPECT_NEAR(step.value.z(), 1, 1e-12) << "settled on the first value";
-      EXPECT_NEAR(step.increment.x(), input.real() / rate_hz, 1e-15) << "increments are not filtered";
+      EXPECT_NEAR(step.value[2], 1, 1e-12) << "settled on the first value";
+      EXPECT_NEAR(step.increment[0], input.real() / rate_hz, 1e-15) << "increments are not filtered";
       ++compared;
     }
   }
@@ -290,7 +290,7 @@ TEST(Bandwidth, PeaksByItsDamping) {
       const double phase = 2 * M_PI * k / period;
       TriadStep step = step_of(normals, static_cast<std::uint64_t>(k), 1 / rate_hz, Vector3(std::sin(phase), 0, 0));
       triad.apply(step);
-      if (k >= settling) ratio += 2.0 / period * std::polar(1.0, -phase) * step.value.x();
+      if (k >= settling) ratio += 2.0 / period * std::polar(1.0, -phase) * step.value[0];
     }
     return std::abs(ratio);
   };
@@ -323,9 +323,9 @@ TEST(VibrationRectification, AveragesTheVibrationOfTheTruth) {
     triad.apply(step);
     const double share = 1 - std::exp(-static_cast<double>(k) / rate_hz / 2);
     if (k % 1000 != 999) continue;
-    EXPECT_NEAR(step.value.x(), share * 2e-5 * A * A / 2, 0.01 * 2e-5 * A * A / 2) << k;
-    EXPECT_NEAR(step.value.y(), share * 1e-5 * 4 * A * A / 2, 0.01 * 1e-5 * 4 * A * A / 2) << k;
-    EXPECT_EQ(step.value.z(), 0);
+    EXPECT_NEAR(step.value[0], share * 2e-5 * A * A / 2, 0.01 * 2e-5 * A * A / 2) << k;
+    EXPECT_NEAR(step.value[1], share * 1e-5 * 4 * A * A / 2, 0.01 * 1e-5 * 4 * A * A / 2) << k;
+    EXPECT_EQ(step.value[2], 0);
   }
 }
 
@@ -351,8 +351,8 @@ TEST(RareEffects, LeaveTheOthersAsTheyAre) {
     plain.apply(one);
     TriadStep two = step_of(normals, k, 0.01, value, force);
     other.apply(two);
-    ASSERT_EQ(one.value, two.value) << k;
-    ASSERT_EQ(one.increment, two.increment) << k;
+    ASSERT_EQ(vector_of(one.value), vector_of(two.value)) << k;
+    ASSERT_EQ(vector_of(one.increment), vector_of(two.increment)) << k;
     ASSERT_EQ(one.saturated, two.saturated) << k;
     saturated |= one.saturated;
   }

@@ -23,11 +23,11 @@ TEST(StepMeans, GSensitivityIsThatOfTheMeanForce) {
                  .since_power_on = 1,
                  .specific_force = force,
                  .delta_velocity = velocity,
-                 .value = force,
-                 .increment = force};
+                 .value = lanes(force),
+                 .increment = lanes(force)};
   effect.apply(step);
-  EXPECT_LT((step.error - Vector3(-2 + 0.5, -2, -2 + 0.5)).norm(), 1e-12);
-  EXPECT_LT((step.mean_error - Vector3(4 + 2, 13 + 0.5, 22)).norm(), 1e-12);
+  EXPECT_LT((vector_of(step.error) - Vector3(-2 + 0.5, -2, -2 + 0.5)).norm(), 1e-12);
+  EXPECT_LT((vector_of(step.mean_error) - Vector3(4 + 2, 13 + 0.5, 22)).norm(), 1e-12);
 }
 
 // Of the mean of a random walk over a step, given both ends: expected value (b1 + b2)/2, variance K^2 T/12. The
@@ -49,14 +49,14 @@ TEST(StepMeans, TheMeanOfARandomWalkIsBetweenItsEnds) {
                    .since_power_on = 0,
                    .specific_force = zero,
                    .delta_velocity = zero,
-                   .value = zero,
-                   .increment = zero};
+                   .value = lanes(zero),
+                   .increment = lanes(zero)};
     walk.apply(step);
     const double rest = step.mean_error[0] - 0.5 * (before[0] + step.error[0]);
     sum += rest;
     square += rest * rest;
     to_end += (step.mean_error[0] - step.error[0]) * (step.mean_error[0] - step.error[0]);
-    before = step.error;
+    before = vector_of(step.error);
   }
   const double variance = density * density * period_s;
   EXPECT_NEAR(sum / count, 0, 4 * std::sqrt(variance / 12 / count));

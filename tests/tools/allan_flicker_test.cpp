@@ -23,8 +23,9 @@ std::array<std::vector<double>, 3> emulated_rates(double N, double B, std::size_
   SyntheticNoise white(seed);
   for (auto& axis : axes) axis = white.rates({.N = N}, count, period_s);
   for (std::uint64_t k = 0; k < count; ++k) {
-    TriadStep step{normals, k,   period_s, static_cast<double>(k) * period_s, zero, zero, TriadStep::ordinary,
-                   zero,    zero};
+    TriadStep step{
+        normals,     k,          period_s, static_cast<double>(k) * period_s, zero, zero, TriadStep::ordinary,
+        lanes(zero), lanes(zero)};
     flicker.apply(step);
     for (std::size_t axis = 0; axis < axes.size(); ++axis)
       axes[axis][k] += step.error[static_cast<Eigen::Index>(axis)];

@@ -68,10 +68,10 @@ StillRecording recording_of(const std::array<TriadErrors, 2>& errors, const std:
                         .specific_force = force,
                         .delta_velocity = zero,
                         .surroundings = surroundings,
-                        .value = !is_within    ? zero
-                                 : sensor == 0 ? *dwells[dwell].rate
-                                               : force,
-                        .increment = zero};
+                        .value = lanes(!is_within    ? zero
+                                       : sensor == 0 ? *dwells[dwell].rate
+                                                     : force),
+                        .increment = lanes(zero)};
       triad.apply(step);
       for (std::size_t axis = 0; axis < 3; ++axis)
         recording.channels[3 * sensor + axis].values[k] = step.value[static_cast<Eigen::Index>(axis)];

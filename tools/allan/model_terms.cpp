@@ -36,12 +36,12 @@ std::vector<Vector3> impulse_response(const TriadErrors& errors, double rate_hz)
                       .since_power_on = 0,
                       .specific_force = none,
                       .delta_velocity = none,
-                      .value = Vector3::Constant(value),
-                      .increment = none,
+                      .value = all_lanes(value),
+                      .increment = lanes(none),
                       .begins_run = begins_run};
     if (taps.is_on()) taps.apply(step);
     if (filter.is_on()) filter.apply(step);
-    return step.value;
+    return vector_of(step.value);
   };
   next(0, true);
   const std::size_t taps_and_boxcars = (errors.fir_taps ? errors.fir_taps->size() : 0) +

@@ -20,8 +20,8 @@ class CrossSensitivity : public StatelessEffect {
       : products_(errors.cross_sensitivity), on_(!errors.cross_sensitivity.isZero(0.0)) {}
   bool is_on() const noexcept { return on_; }
   void apply(TriadStep& step) const noexcept {
-    step.error += response(step.specific_force);
-    if (step.dt > 0.0) step.mean_error += response(step.delta_velocity / step.dt);
+    step.error += lanes(response(step.specific_force));
+    if (step.dt > 0.0) step.mean_error += lanes(response(step.delta_velocity / step.dt));
   }
 
  private:

@@ -18,8 +18,8 @@ class DeadZone : public StatelessEffect {
       : half_width_(errors.dead_zone), on_(!errors.dead_zone.isZero(0.0)) {}
   bool is_on() const noexcept { return on_; }
   void apply(TriadStep& step) const noexcept {
-    step.value -= lost(step.value);
-    if (step.dt > 0.0) step.increment -= step.dt * lost(step.increment / step.dt);
+    step.value -= lanes(lost(vector_of(step.value)));
+    if (step.dt > 0.0) step.increment -= step.dt * lanes(lost(vector_of(step.increment / step.dt)));
   }
 
  private:

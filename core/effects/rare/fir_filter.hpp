@@ -20,10 +20,11 @@ class FirFilter {
       : taps_(errors.fir_taps), inputs_(taps_ != nullptr ? taps_->size() : 0, Vector3::Zero()) {}
   bool is_on() const noexcept { return !inputs_.empty(); }
   void apply(TriadStep& step) noexcept {
-    if (step.begins_run || !is_settled_) inputs_.assign(inputs_.size(), step.value);
+    const Vector3 input = vector_of(step.value);
+    if (step.begins_run || !is_settled_) inputs_.assign(inputs_.size(), input);
     is_settled_ = true;
     newest_ = newest_ == 0 ? inputs_.size() - 1 : newest_ - 1;
-    inputs_[newest_] = step.value;
+    inputs_[newest_] = input;
     Vector3 sum = Vector3::Zero();
     std::size_t i = newest_;
     for (const double tap : *taps_) {
@@ -31,7 +32,7 @@ class FirFilter {
       if (++i == inputs_.size()) i = 0;
     }
     is_settled_ = sum.allFinite();  // otherwise it would not be finite for as many samples as there are taps
-    step.value = sum;
+    step.value = lanes(sum);
   }
   void seek(const Normals&, std::uint64_t) noexcept { is_settled_ = false; }
   void power_on(std::uint64_t) noexcept { is_settled_ = false; }

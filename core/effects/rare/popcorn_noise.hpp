@@ -22,8 +22,8 @@ class PopcornNoise {
   bool is_on() const noexcept { return on_; }
   void apply(TriadStep& step) noexcept {
     const Value value = next(step.normals, step.k);
-    step.error += value.now;
-    step.mean_error += value.mean;
+    step.error += lanes(value.now);
+    step.mean_error += lanes(value.mean);
   }
   // The run time is proportional to k.
   void seek(const Normals& normals, std::uint64_t k) noexcept;

@@ -25,7 +25,7 @@ class QuantizationNoise {
     // Reading k is number k + 1.
     if (last_number_ != step.k) last_ = step.normals(readings_.quantity(), Process::quantization_noise, step.k);
     const Vector3 reading = readings_.at(step.normals, step.k + 1);
-    step.constant_error += rate_.cwiseProduct(reading - last_);
+    step.constant_error += lanes(rate_) * (lanes(reading) - lanes(last_));
     last_ = reading;
     last_number_ = step.k + 1;
   }

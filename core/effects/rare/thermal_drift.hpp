@@ -32,7 +32,7 @@ class ThermalDrift {
     has_last_ = true;
     play_ = std::clamp(play_ + (now_c - last_c_) / width_c_, -1.0, 1.0);
     last_c_ = now_c;
-    step.constant_error += step.surroundings.temperature_rate * per_rate_ + play_ * half_gap_;
+    step.constant_error += step.surroundings.temperature_rate * lanes(per_rate_) + play_ * lanes(half_gap_);
   }
   void seek(const Normals&, std::uint64_t) noexcept {}  // the history is not known without the sequence
   void power_on(std::uint64_t) noexcept {}

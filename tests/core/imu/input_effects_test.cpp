@@ -165,10 +165,10 @@ TEST(IncrementRounding, LosesNothing) {
                       .since_power_on = 0,
                       .specific_force = zero,
                       .delta_velocity = zero,
-                      .value = zero,
-                      .increment = Vector3(static_cast<double>(units) * 0x1p-60, 0, 0)};
+                      .value = lanes(zero),
+                      .increment = lanes(Vector3(static_cast<double>(units) * 0x1p-60, 0, 0))};
     triad.apply(step);
-    const double count = step.increment.x() / lsb;
+    const double count = step.increment[0] / lsb;
     ASSERT_NEAR(count, std::round(count), 1e-6);
     counts += static_cast<std::int64_t>(std::llround(count));
     largest = std::max(largest, std::abs(static_cast<double>(counts) * lsb - static_cast<double>(exact) * 0x1p-60));
