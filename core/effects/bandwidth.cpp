@@ -1,10 +1,8 @@
 #include "core/effects/bandwidth.hpp"
 
 #include <algorithm>
-#include <bit>
 
 #include "core/numbers/dispatch.hpp"
-#include "core/numbers/lanes.hpp"
 
 namespace imud {
 
@@ -27,8 +25,9 @@ void Bandwidth::set(const SensorFilter& filter) noexcept {
                                     std::max<std::size_t>(inputs_.size() / stages_, 1));
   for (int axis = 0; axis < 3; ++axis) {
     const auto i = static_cast<std::size_t>(axis);
-    passes_[i] = !(filter.cut_off_hz[axis] > 0);
-    if (passes_[i]) continue;
+    const bool passes = !(filter.cut_off_hz[axis] > 0);
+    passes_[i] = passes ? -1 : 0;
+    if (passes) continue;
     const double g = detail::prewarped(filter.cut_off_hz[axis], rate_hz_);
     const detail::Sections all = detail::sections(filter);
     if (all.count == 0) sections_[0].y_from_x[i] = g / (1 + g);
@@ -55,13 +54,6 @@ void Bandwidth::continue_from(const Bandwidth& before, const Normals&, std::uint
   std::copy_n(before.inputs_.begin(), length_ > 1 ? length_ * stages_ : 0, inputs_.begin());
 }
 
-IMUD_DISPATCHED Vector3 Bandwidth::next(const Vector3& value) noexcept {
-  if (!is_settled_) settle(value);
-  const Vector3 filtered = length_ > 1 ? boxcars(value) : butterworth(value);
-  is_settled_ = filtered.allFinite();  // otherwise it would never be finite again
-  return filtered;
-}
-
 void Bandwidth::settle(const Vector3& value) noexcept {
   for (Section& section : sections_) {
     section.u = {};
@@ -73,33 +65,7 @@ void Bandwidth::settle(const Vector3& value) noexcept {
   oldest_ = 0;
 }
 
-Vector3 Bandwidth::butterworth(const Vector3& value) noexcept {
-  Lanes x = lanes(value);
-  const std::size_t count = order_ == 4 ? 2 : 1;
-  for (std::size_t i = 0; i < count; ++i) {
-    Section& section = sections_[i];
-    const Lanes w = std::bit_cast<Lanes>(section.w), from_x = std::bit_cast<Lanes>(section.y_from_x);
-    Lanes y;
-    if (order_ == 1) {
-      const Lanes v = from_x * (x - w);
-      y = w + v;
-      section.w = std::bit_cast<std::array<double, 4>>(y + v);
-    } else {
-      const Lanes u = std::bit_cast<Lanes>(section.u), g = std::bit_cast<Lanes>(section.from_x);
-      const Lanes v = std::bit_cast<Lanes>(section.from_u) * u + g * (x - w);
-      y = w + (g * u + from_x * (x - w));
-      section.u = std::bit_cast<std::array<double, 4>>(2.0 * v - u);
-      section.w = std::bit_cast<std::array<double, 4>>(2.0 * y - w);
-    }
-    x = y;
-  }
-  Vector3 filtered = vector_of(x);
-  for (int axis = 0; axis < 3; ++axis)
-    if (passes_[static_cast<std::size_t>(axis)]) filtered[axis] = value[axis];
-  return filtered;
-}
-
-Vector3 Bandwidth::boxcars(const Vector3& value) noexcept {
+IMUD_DISPATCHED Vector3 Bandwidth::boxcars(const Vector3& value) noexcept {
   Vector3 x = value;
   const bool is_last = oldest_ + 1 == length_;
   for (std::size_t stage = 0; stage < stages_; ++stage) {

@@ -1,7 +1,9 @@
 #pragma once
 
 #include <array>
+#include <bit>
 #include <cstddef>
+#include <cstdint>
 #include <string_view>
 #include <vector>
 
@@ -25,11 +27,12 @@ class Bandwidth {
   static constexpr EffectTraits traits = {};
   Bandwidth(const TriadErrors& errors, Quantity, double period_s);
   bool is_on() const noexcept { return on_; }
-  // The address of the step does not leave this function, so that the step need not be in memory where the filter is
-  // off.
   void apply(TriadStep& step) noexcept {
-    if (step.begins_run) is_settled_ = false;
-    step.value = lanes(next(vector_of(step.value)));
+    if (step.begins_run || !is_settled_) [[unlikely]]
+      settle(vector_of(step.value));
+    step.value = length_ > 1 ? lanes(boxcars(vector_of(step.value))) : butterworth(step.value);
+    const Lanes zero = step.value * 0.0;             // not a number where the value is not finite
+    is_settled_ = zero[0] + zero[1] + zero[2] == 0;  // otherwise it would never be finite again
   }
   void seek(const Normals&, std::uint64_t) noexcept { is_settled_ = false; }
   void power_on(std::uint64_t) noexcept { is_settled_ = false; }
@@ -47,9 +50,29 @@ class Bandwidth {
     std::array<double, 4> from_u, from_x, y_from_x;  // 1, g and g^2 over 1 + g (g + k), for each axis
     std::array<double, 4> u, w;                      // the state
   };
-  Vector3 next(const Vector3& value) noexcept;
   void settle(const Vector3& value) noexcept;
-  Vector3 butterworth(const Vector3& value) noexcept;
+  [[gnu::always_inline]] Lanes butterworth(Lanes value) noexcept {
+    Lanes x = value;
+    const std::size_t count = order_ == 4 ? 2 : 1;
+    for (std::size_t i = 0; i < count; ++i) {
+      Section& section = sections_[i];
+      const Lanes w = std::bit_cast<Lanes>(section.w), from_x = std::bit_cast<Lanes>(section.y_from_x);
+      Lanes y;
+      if (order_ == 1) {
+        const Lanes v = from_x * (x - w);
+        y = w + v;
+        section.w = std::bit_cast<std::array<double, 4>>(y + v);
+      } else {
+        const Lanes u = std::bit_cast<Lanes>(section.u), g = std::bit_cast<Lanes>(section.from_x);
+        const Lanes v = std::bit_cast<Lanes>(section.from_u) * u + g * (x - w);
+        y = w + (g * u + from_x * (x - w));
+        section.u = std::bit_cast<std::array<double, 4>>(2.0 * v - u);
+        section.w = std::bit_cast<std::array<double, 4>>(2.0 * y - w);
+      }
+      x = y;
+    }
+    return select(std::bit_cast<LaneMask>(passes_), value, x);
+  }
   Vector3 boxcars(const Vector3& value) noexcept;
 
   double rate_hz_;
@@ -57,7 +80,7 @@ class Bandwidth {
   bool is_settled_ = false;
   int order_ = 2;
   std::array<Section, 2> sections_ = {};
-  std::array<bool, 3> passes_ = {};  // axes without a filter
+  std::array<std::int64_t, 4> passes_ = {};  // a LaneMask: axes without a filter
   std::size_t length_ = 1, stages_ = 1;
   std::size_t oldest_ = 0;       // index of the oldest input in each stage
   std::vector<Vector3> inputs_;  // the newest `length_` inputs of each stage, stage after stage

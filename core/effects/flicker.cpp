@@ -4,7 +4,9 @@
 #include <cmath>
 
 #include "core/numbers/correlated_noise.hpp"
+#include "core/numbers/dispatch.hpp"
 #include "core/numbers/elementary.hpp"
+#include "core/numbers/lanes.hpp"
 
 namespace imud {
 namespace {
@@ -68,33 +70,25 @@ void Flicker::begin_segment(const Normals& normals, std::uint64_t first) noexcep
   add_up(first);
 }
 
-void Flicker::add_up(std::uint64_t first) noexcept {
-  segment_begin_.setZero();
-  slope_.setZero();
-  mean_beyond_.setZero();
+IMUD_DISPATCHED void Flicker::add_up(std::uint64_t first) noexcept {
+  Lanes begin = {}, slope = {}, beyond = {};
   for (std::size_t i = 0; i < count_; ++i) {
     const Octave& octave = octaves_[i];
-    const std::uint64_t within = first % octave.stride;
-    const Vector3 per_sample = (octave.end - octave.begin) / static_cast<double>(octave.stride);
-    segment_begin_ += octave.begin + static_cast<double>(within) * per_sample;
-    slope_ += per_sample;
-    if (octave.mean_of_ends != 0) mean_beyond_ += octave.mean_of_ends * (octave.begin + octave.end);
+    const auto within = static_cast<double>(static_cast<std::int64_t>(first % octave.stride));
+    const auto stride = static_cast<double>(static_cast<std::int64_t>(octave.stride));
+    const Lanes octave_begin = lanes(octave.begin), octave_end = lanes(octave.end);
+    const Lanes per_sample = (octave_end - octave_begin) / stride;
+    begin += octave_begin + within * per_sample;
+    slope += per_sample;
+    if (octave.mean_of_ends != 0) beyond += octave.mean_of_ends * (octave_begin + octave_end);
   }
-  segment_begin_ = instability_.cwiseProduct(segment_begin_);
-  slope_ = instability_.cwiseProduct(slope_);
+  segment_begin_ = vector_of(lanes(instability_) * begin);
+  slope_ = vector_of(lanes(instability_) * slope);
+  mean_beyond_ = vector_of(beyond);
 }
 
-Flicker::Value Flicker::next(const Normals& normals, std::uint64_t k) noexcept {
-  // Sample k lies in (first, first + stride], so that its step lies within one segment.
-  const std::uint64_t before = std::max<std::uint64_t>(k, 1) - 1;
-  const std::uint64_t within = before % octaves_[0].stride;
-  if (k == 0 || (within == 0 && before > 0)) begin_segment(normals, before);
-  const Vector3 now = segment_begin_ + static_cast<double>(k == 0 ? 0 : within + 1) * slope_;
-  Value value = {now, now - 0.5 * slope_};
-  if (within_ > 0 && k > 0)
-    value.mean +=
-        instability_.cwiseProduct(mean_beyond_ + within_ * normals(quantity_, Process::flicker_within_step, k));
-  return value;
+Vector3 Flicker::beyond_ends(const Normals& normals, std::uint64_t k) const noexcept {
+  return instability_.cwiseProduct(mean_beyond_ + within_ * normals(quantity_, Process::flicker_within_step, k));
 }
 
 void Flicker::seek(const Normals& normals, std::uint64_t k) noexcept {

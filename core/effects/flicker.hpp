@@ -1,7 +1,9 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
+#include <cstdint>
 #include <string_view>
 
 #include "core/effects/triad_errors.hpp"
@@ -30,10 +32,16 @@ class Flicker {
   static constexpr double nodes = 16;  // the least number of nodes of a process in its correlation time
   Flicker(const TriadErrors& errors, Quantity quantity, double period_s);
   bool is_on() const noexcept { return on_; }
+  // Sample k lies in (first, first + stride], so that its step lies within one segment.
   void apply(TriadStep& step) noexcept {
-    const Value value = next(step.normals, step.k);
-    step.error += lanes(value.now);
-    step.mean_error += lanes(value.mean);
+    const std::uint64_t before = std::max<std::uint64_t>(step.k, 1) - 1, within = before % octaves_[0].stride;
+    if (step.k == 0 || (within == 0 && before > 0)) begin_segment(step.normals, before);
+    const auto samples = static_cast<double>(static_cast<std::int64_t>(step.k == 0 ? 0 : within + 1));
+    const Lanes slope = lanes(slope_), now = lanes(segment_begin_) + samples * slope;
+    Lanes mean = now - 0.5 * slope;
+    if (within_ > 0 && step.k > 0) mean += lanes(beyond_ends(step.normals, step.k));
+    step.error += now;
+    step.mean_error += mean;
   }
   // The run time is proportional to k.
   void seek(const Normals& normals, std::uint64_t k) noexcept;
@@ -48,10 +56,8 @@ class Flicker {
   static double variance(std::size_t index, std::size_t count) noexcept;
 
  private:
-  struct Value {
-    Vector3 now, mean;  // at the end of the step, and over it
-  };
-  Value next(const Normals& normals, std::uint64_t k) noexcept;
+  // Returns the mean over the step of sample k beyond the mean of its ends.
+  Vector3 beyond_ends(const Normals& normals, std::uint64_t k) const noexcept;
   // One process. Its values at the samples j * stride and (j + 1) * stride are `begin` and `end`.
   struct Octave {
     double transition = 0, driving = 0, stationary = 0;  // for B = 1
