@@ -110,13 +110,6 @@ double Normals::uniform_of_axis(std::uint32_t purpose_and_axis, std::uint64_t k)
   return uniform_of_words(words[half], words[half + 1]);
 }
 
-Vector3 Normals::operator()(Quantity quantity, Process process, std::uint64_t k) const noexcept {
-  Vector3 n;
-  for (std::uint32_t axis = 0; axis < 3; ++axis)
-    n[axis] = inverse_normal_cdf(uniform_of_axis(purpose(quantity, process) | axis, k));
-  return n;
-}
-
 double Normals::uniform(Quantity quantity, Process process, std::uint64_t k) const noexcept {
   return uniform_of_axis(purpose(quantity, process), k);
 }
@@ -184,31 +177,74 @@ void compute_batch(const BatchId& id, Deviates& deviates) noexcept {
   return _mm256_mul_pd(_mm256_add_pd(exact, _mm256_set1_pd(0.5)), _mm256_set1_pd(0x1p-52));
 }
 
+struct Counters {
+  __m256i word0, word1, word2, word3;
+};
+
+[[gnu::target("avx2")]] inline void apply_philox(Philox::key_type key, Counters& c) noexcept {
+  for (int round = 0; round < 10; ++round, key[0] += PHILOX_W32_0, key[1] += PHILOX_W32_1) {
+    const __m256i product0 = _mm256_mul_epu32(c.word0, all(PHILOX_M4x32_0));
+    const __m256i product1 = _mm256_mul_epu32(c.word2, all(PHILOX_M4x32_1));
+    c.word0 = _mm256_xor_si256(_mm256_xor_si256(_mm256_srli_epi64(product1, 32), c.word1), all(key[0]));
+    c.word1 = product1;
+    c.word2 = _mm256_xor_si256(_mm256_xor_si256(_mm256_srli_epi64(product0, 32), c.word3), all(key[1]));
+    c.word3 = product0;
+  }
+}
+
 [[gnu::target("avx2")]] void compute_batch_avx2(const BatchId& id, Deviates& deviates) noexcept {
   static_assert(per_axis % 4 == 0);
   for (std::uint32_t i = 0; i < counters; i += 4) {
     const std::uint64_t counter = id.first + i % per_axis;  // a multiple of 4: no carry within the four
-    __m256i c0 = _mm256_add_epi64(all(low(counter)), _mm256_set_epi64x(3, 2, 1, 0)), c1 = all(high(counter));
-    __m256i c2 = all(id.purpose | i / static_cast<std::uint32_t>(per_axis)), c3 = all(id.stream);
-    std::uint32_t key0 = id.key[0], key1 = id.key[1];
-    for (int round = 0; round < 10; ++round, key0 += PHILOX_W32_0, key1 += PHILOX_W32_1) {
-      const __m256i product0 = _mm256_mul_epu32(c0, all(PHILOX_M4x32_0));
-      const __m256i product1 = _mm256_mul_epu32(c2, all(PHILOX_M4x32_1));
-      c0 = _mm256_xor_si256(_mm256_xor_si256(_mm256_srli_epi64(product1, 32), c1), all(key0));
-      c1 = product1;
-      c2 = _mm256_xor_si256(_mm256_xor_si256(_mm256_srli_epi64(product0, 32), c3), all(key1));
-      c3 = product0;
-    }
-    const __m256d even = uniform_of_words(c0, c1), odd = uniform_of_words(c2, c3);
+    Counters c = {_mm256_add_epi64(all(low(counter)), _mm256_set_epi64x(3, 2, 1, 0)), all(high(counter)),
+                  all(id.purpose | i / static_cast<std::uint32_t>(per_axis)), all(id.stream)};
+    apply_philox(id.key, c);
+    const __m256d even = uniform_of_words(c.word0, c.word1), odd = uniform_of_words(c.word2, c.word3);
     const __m256d low_pairs = _mm256_unpacklo_pd(even, odd), high_pairs = _mm256_unpackhi_pd(even, odd);
     _mm256_storeu_pd(&deviates[2 * i], _mm256_permute2f128_pd(low_pairs, high_pairs, 0x20));
     _mm256_storeu_pd(&deviates[2 * i + 4], _mm256_permute2f128_pd(low_pairs, high_pairs, 0x31));
   }
   make_normal(deviates);
 }
+
+// Turns the uniform deviates of three axes into normal deviates, as inverse_normal_cdf() does.
+[[gnu::always_inline]] inline void make_three_normal(std::array<double, 4>& x) noexcept {
+  using elementary::detail::polynomial;
+  const auto p = std::bit_cast<Lanes>(x);
+  const Lanes q = p - 0.5, r = 0.180625 - q * q;
+  Lanes normal = q * polynomial(central_numerator, r) / polynomial(central_denominator, r);
+  const LaneMask is_tail = magnitude(q) > central;
+  if ((is_tail[0] | is_tail[1] | is_tail[2]) != 0) normal = select(is_tail, tail_of_normal(p), normal);
+  x = std::bit_cast<std::array<double, 4>>(normal);
+}
+
+// The three axes of sample k.
+[[gnu::target("avx2")]] Vector3 compute_one_avx2(const BatchId& id, std::uint64_t k) noexcept {
+  const __m256i axes = _mm256_or_si256(all(id.purpose), _mm256_set_epi64x(2, 2, 1, 0));
+  Counters c = {all(low(k / 2)), all(high(k / 2)), axes, all(id.stream)};
+  apply_philox(id.key, c);
+  std::array<double, 4> deviates;
+  _mm256_storeu_pd(deviates.data(),
+                   k % 2 == 0 ? uniform_of_words(c.word0, c.word1) : uniform_of_words(c.word2, c.word3));
+  make_three_normal(deviates);
+  return {deviates[0], deviates[1], deviates[2]};
+}
 #endif
 
 }  // namespace
+
+Vector3 Normals::operator()(Quantity quantity, Process process, std::uint64_t k) const noexcept {
+#if defined(__x86_64__)
+  if (__builtin_cpu_supports("avx2"))
+    return compute_one_avx2(
+        {.key = {{low(seed_), high(seed_)}}, .first = 0, .purpose = purpose(quantity, process), .stream = stream_},
+        k);
+#endif
+  Vector3 n;
+  for (std::uint32_t axis = 0; axis < 3; ++axis)
+    n[axis] = inverse_normal_cdf(uniform_of_axis(purpose(quantity, process) | axis, k));
+  return n;
+}
 
 void NormalSequence::compute(const Normals& normals, std::uint64_t number) noexcept {
   number_ = number;
