@@ -2,7 +2,9 @@
 #pragma once
 
 #include <cstdint>
+#include <cstring>
 #include <optional>
+#include <type_traits>
 
 #include "core/time.hpp"
 #include "core/vector.hpp"
@@ -116,6 +118,13 @@ struct Sample {
   std::uint32_t status = 0;                  // bits of namespace status
   std::int32_t stamp_error_ns = 0;           // the error of stamp()
 };
+
+// Copies a whole sample. An assignment has the same result, but copies each number alone, because Eigen's assignment
+// is not trivial.
+inline void copy(const Sample& from, Sample& to) noexcept {
+  static_assert(std::is_trivially_destructible_v<Sample>);
+  std::memcpy(static_cast<void*>(&to), &from, sizeof to);
+}
 
 // Sums of the increments of several samples, for products that send fewer samples than they take.
 struct Increments {

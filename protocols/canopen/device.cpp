@@ -54,7 +54,7 @@ class CanopenDevice final : public Device {
 
   void sample(const Sample& sample, FrameBuffer& out) noexcept override {
     poll(sample.time, out);
-    node_.sample = sample;
+    copy(sample, node_.sample);
     node_.sample_increments = {sample.delta_angle, sample.delta_velocity, 1};
     node_.has_sample = true;
     constexpr std::uint32_t gyro = 7U * status::gyro_saturated_x,

@@ -156,7 +156,7 @@ void FrameDevice::sample(const Sample& sample, FrameBuffer& out) noexcept {
   }
   counter_ = sample.counter;
   if (keeps_newest_)
-    newest_ = sample;
+    copy(sample, newest_);
   else
     newest_.time = sample.time;
   for (Scheduled& one : scheduled_) {

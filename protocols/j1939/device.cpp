@@ -54,7 +54,7 @@ class J1939Device final : public Device {
   }
 
   void sample(const Sample& sample, FrameBuffer& out) noexcept override {
-    sample_ = sample;
+    copy(sample, sample_);
     has_sample_ = true;
     if (active_.divider == 0 || ++ticks_ < active_.divider) return;
     ticks_ = 0;

@@ -53,7 +53,7 @@ void Fields::set_sample(const Sample& sample) noexcept {
     since_ = {};
     restarted_.reset();
   }
-  sample_ = sample;
+  copy(sample, sample_);
   if (sample.solution && sample.fix().is_known)
     last_fix_ = sample.fix();
   else if (is_in(Solution::State::aligning))

@@ -162,7 +162,7 @@ class VectorNavDevice final : public Device {
     const auto& [magnetometer, accelerometer, gyro] = active_.calibrations;
     const double dt = 1 / model_.internal_hz;
     raw_ = {dcm_ * sample.magnetic_field, dcm_ * sample.specific_force, dcm_ * sample.rate};
-    sample_ = sample;
+    copy(sample, sample_);
     constexpr double gauss = 1e-4;
     sample_.magnetic_field = gauss * magnetometer(raw_.magnetic_field / gauss);
     sample_.specific_force = accelerometer(raw_.specific_force);
