@@ -1,5 +1,7 @@
 #include <algorithm>
+#include <bit>
 #include <chrono>
+#include <cstdint>
 
 #include "core/attitude.hpp"
 #include "core/gps_time.hpp"
@@ -12,6 +14,12 @@ namespace {
 
 constexpr double gauss = 1e-4;    // T
 constexpr double millibar = 100;  // Pa
+
+// Returns whether `v` is 0 without a sign. Any rotation leaves it so.
+bool is_plus_zero(const Vector3& v) noexcept {
+  const auto bits = [](double x) { return std::bit_cast<std::uint64_t>(x); };
+  return (bits(v.x()) | bits(v.y()) | bits(v.z())) == 0;
+}
 
 constexpr bool is_of_each_aid(std::uint8_t set, std::uint8_t descriptor) {
   return set == filter && descriptor == aiding_summary;
@@ -45,6 +53,7 @@ void Fields::set_sample(const Sample& sample) noexcept {
   // no other number.
   const bool is_turned = c.q_PV.coeffs() != Quaternion::Identity().coeffs();
   const auto in_V = [&](const Vector3& v_P) -> Vector3 {
+    if (is_plus_zero(v_P)) return v_P;
     const bool has_zero = v_P.x() == 0.0 || v_P.y() == 0.0 || v_P.z() == 0.0;
     return is_turned || has_zero ? q_VP * v_P : v_P;
   };

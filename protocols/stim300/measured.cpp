@@ -44,7 +44,7 @@ void Measured::add(const Sample& sample, bool is_starting, const Matrix3& g_sens
   const auto put = [&](Cluster cluster, const Vector3& value, const Vector3& step, unsigned overloaded) {
     constexpr double dt = 1 / internal_hz;
     unsigned bits = status_;
-    for (unsigned i = 0; i < 3; ++i)
+    for (unsigned i = 0; overloaded >> i != 0; ++i)
       if ((overloaded >> i & 1U) != 0) bits |= memory.overload(cluster, i);
     axes_[cluster].add(value + memory.trim[cluster], step + dt * memory.trim[cluster], bits);
   };

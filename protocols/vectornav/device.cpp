@@ -111,7 +111,7 @@ class VectorNavDevice final : public Device {
   }
 
   NavigationRequests navigation_requests() const noexcept override {
-    return filter_.requests(active_.calibrations[0], dcm_);
+    return filter_.requests(active_.calibrations[0], dcm_.matrix());
   }
 
   void trigger(DeviceTime time) noexcept override { pins_.edge(active_.sync, pulse_source(), time); }
@@ -145,7 +145,7 @@ class VectorNavDevice final : public Device {
   void reset(DeviceTime now) noexcept {
     active_ = stored_;
     dcm_ = active_.reference_frame;
-    q_ = Quaternion(dcm_.transpose()).normalized();
+    q_ = Quaternion(dcm_.matrix().transpose()).normalized();
     tare_.setIdentity();
     paused_ = {};
     pins_.reset();
@@ -387,7 +387,7 @@ class VectorNavDevice final : public Device {
   SyncPins pins_;
   std::uint64_t events_ = 0;               // of SyncIn at which the IMU has sampled
   DeviceTime start_;                       // time of power-on or reset
-  Matrix3 dcm_ = Matrix3::Identity();      // register 26: to the host's axes
+  Gain dcm_;                               // register 26: to the host's axes
   Quaternion q_ = Quaternion::Identity();  // from the host's axes
   Quaternion tare_ = Quaternion::Identity();
   OwnFigures figures_;

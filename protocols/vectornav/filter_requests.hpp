@@ -47,7 +47,8 @@ class FilterRequests {
     constexpr double gauss = 1e-4;
     NavigationRequests all = requests_;
     all.aids.withheld = withheld_;
-    if (magnetometer.gain != Matrix3::Identity()) all.aids.field_gain = dcm.transpose() * magnetometer.gain * dcm;
+    if (magnetometer.gain.matrix() != Matrix3::Identity())
+      all.aids.field_gain = dcm.transpose() * magnetometer.gain.matrix() * dcm;
     all.aids.field_bias = gauss * (dcm.transpose() * magnetometer.bias);
     return all;
   }

@@ -157,8 +157,26 @@ inline constexpr std::size_t kept_count = 35;
 extern const std::array<Register, kept_count> kept;
 
 // Registers 23, 25 and 84: turns sensed values into compensated ones.
+// A matrix that is the identity in most units. Its product costs nothing then, and has the same bits.
+class Gain {
+ public:
+  Gain() = default;
+  Gain(const Matrix3& matrix) noexcept : matrix_(matrix), is_identity_(matrix == Matrix3::Identity()) {}
+  const Matrix3& matrix() const noexcept { return matrix_; }
+  Vector3 operator*(const Vector3& v) const noexcept {
+    // The product adds zeros, which may change the sign of a zero, or make infinity NaN, but change no other number.
+    const double product = v.x() * v.y() * v.z();
+    const bool is_ordinary = product != 0 && product - product == 0;
+    return is_identity_ && is_ordinary ? v : Vector3(matrix_ * v);
+  }
+
+ private:
+  Matrix3 matrix_ = Matrix3::Identity();
+  bool is_identity_ = true;
+};
+
 struct Calibration {
-  Matrix3 gain = Matrix3::Identity();
+  Gain gain;
   Vector3 bias = Vector3::Zero();
   Vector3 operator()(const Vector3& v) const noexcept { return gain * (v - bias); }
 };
