@@ -26,7 +26,7 @@ class CsvDevice final : public Device {
     if (!header_sent_) push(measurement_csv_header, out);
     header_sent_ = true;
     std::array<char, measurement_csv_row_max> row;
-    push({row.data(), write_measurement_csv({sample, Measurement::all}, row, digits_)}, out);
+    push({row.data(), write_measurement_csv(sample, row, digits_)}, out);
   }
 
  private:

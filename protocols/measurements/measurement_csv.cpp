@@ -82,10 +82,11 @@ class RowReader {
 
 }  // namespace
 
-std::size_t write_measurement_csv(const Measurement& measurement, std::span<char, measurement_csv_row_max> row,
-                                  int digits) noexcept {
-  const Sample& sample = measurement.sample;
-  const auto carried = [&](Measurement::Field field) { return (measurement.fields & field) != 0; };
+namespace {
+
+std::size_t write_fields(const Sample& sample, std::uint32_t fields, std::span<char, measurement_csv_row_max> row,
+                         int digits) noexcept {
+  const auto carried = [&](Measurement::Field field) { return (fields & field) != 0; };
   RowWriter writer(row, digits);
   writer.field(carried(Measurement::time), sample.stamp().ns);
   writer.field(carried(Measurement::counter), sample.counter);
@@ -94,6 +95,18 @@ std::size_t write_measurement_csv(const Measurement& measurement, std::span<char
   writer.field(carried(Measurement::temperature), sample.temperature_c);
   writer.field(carried(Measurement::status), sample.status, '\n');
   return writer.length();
+}
+
+}  // namespace
+
+std::size_t write_measurement_csv(const Measurement& measurement, std::span<char, measurement_csv_row_max> row,
+                                  int digits) noexcept {
+  return write_fields(measurement.sample, measurement.fields, row, digits);
+}
+
+std::size_t write_measurement_csv(const Sample& sample, std::span<char, measurement_csv_row_max> row,
+                                  int digits) noexcept {
+  return write_fields(sample, Measurement::all, row, digits);
 }
 
 bool read_measurement_csv(std::string_view row, Measurement& measurement) noexcept {

@@ -25,6 +25,10 @@ inline constexpr std::size_t measurement_csv_row_max = 384;
 std::size_t write_measurement_csv(const Measurement& measurement, std::span<char, measurement_csv_row_max> row,
                                   int digits = all_digits) noexcept;
 
+// Writes a row with all fields of a sample.
+std::size_t write_measurement_csv(const Sample& sample, std::span<char, measurement_csv_row_max> row,
+                                  int digits) noexcept;
+
 // Reads a row. Requires a row without its line end. Returns false, with `measurement` unspecified, if the row is
 // malformed: the row does not have 16 columns, a field is not a finite number, or only some components of a vector
 // are empty.

@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <array>
-#include <boost/endian/conversion.hpp>
 #include <charconv>
 #include <cmath>
 #include <cstdint>
@@ -24,16 +23,27 @@ constexpr auto powers_of_ten = [] {
   return powers;
 }();
 
-// Writes the eight digits of `number`, which must be below 10^8. Each step divides all groups of digits in the word
-// into halves at once: x / 100 = x * 5243 >> 19 for x below 10^4, and x / 10 = x * 103 >> 10 for x below 100.
-void write_eight(char* at, std::uint64_t number) noexcept {
-  const std::uint64_t fours = number / 10'000 + (number % 10'000 << 32U);
-  const std::uint64_t hundreds = fours * 5243 >> 19U & 0x0000'007F'0000'007F;
-  const std::uint64_t twos = hundreds + ((fours - 100 * hundreds) << 16U);
-  const std::uint64_t tens = twos * 103 >> 10U & 0x000F'000F'000F'000F;
-  const std::uint64_t ones = tens + ((twos - 10 * tens) << 8U);
-  const std::uint64_t text = boost::endian::native_to_little(ones + 0x3030'3030'3030'3030);
-  std::memcpy(at, &text, sizeof text);
+// The numbers 0 to 99 as two characters each.
+constexpr auto pairs = [] {
+  std::array<char, 200> text{};
+  for (std::size_t i = 0; i < 100; ++i) {
+    text[2 * i] = static_cast<char>('0' + i / 10);
+    text[2 * i + 1] = static_cast<char>('0' + i % 10);
+  }
+  return text;
+}();
+
+// Writes the four digits of `number`, which must be below 10^4.
+void write_four(char* at, std::uint32_t number) noexcept {
+  const std::uint32_t hundreds = number * 5243U >> 19U;
+  std::memcpy(at, &pairs[2 * hundreds], 2);
+  std::memcpy(at + 2, &pairs[2 * (number - 100 * hundreds)], 2);
+}
+
+// Writes the eight digits of `number`, which must be below 10^8.
+void write_eight(char* at, std::uint32_t number) noexcept {
+  write_four(at, number / 10'000);
+  write_four(at + 4, number % 10'000);
 }
 
 // Writes the `count` digits of `number`, and zeros behind them, all_digits characters in total. Returns the end of
@@ -43,8 +53,8 @@ char* write_digits(char* at, std::uint64_t number, int count) noexcept {
   const std::uint64_t padded = number * powers_of_ten[static_cast<std::size_t>(all_digits - count)];
   const std::uint64_t nine = padded / eight;
   *at = static_cast<char>('0' + nine / eight);
-  write_eight(at + 1, nine % eight);
-  write_eight(at + 9, padded % eight);
+  write_eight(at + 1, static_cast<std::uint32_t>(nine % eight));
+  write_eight(at + 9, static_cast<std::uint32_t>(padded % eight));
   return at + count;
 }
 
