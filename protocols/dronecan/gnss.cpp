@@ -5,6 +5,7 @@
 
 #include "core/gps_time.hpp"
 #include "core/units.hpp"
+#include "protocols/measurements/receiver_accuracy.hpp"
 
 namespace imud::dronecan {
 namespace {
@@ -37,13 +38,9 @@ PackedPayload<gnss_fix2_size> fix2_of(const Navigation& navigation, const OwnFig
   fix.put(0, 6);
   constexpr unsigned variances = 6;
   fix.put(variances, 6);
-  const Vector3 position = figure_or(figures.position, Vector3(0.85, 0.85, 1.8)),
-                velocity = figure_or(figures.velocity, Vector3::Constant(0.03));
-  for (const Vector3& deviation : {position, velocity})
-    for (int i = 0; i < 3; ++i) {
-      const double reported = is_fixed ? double{navigation.accuracy_factor} * deviation[i] : 0;
-      fix.put_half(reported * reported);
-    }
+  const ReceiverAccuracy accuracy = receiver_accuracy(navigation, figures);
+  for (const Vector3& deviation : {accuracy.position, accuracy.velocity})
+    for (int i = 0; i < 3; ++i) fix.put_half(deviation[i] * deviation[i]);
   fix.put_half(is_fixed ? double{navigation.dilution.known_or(open_sky).position} : unknown);
   return fix;
 }

@@ -13,7 +13,7 @@ namespace imud::dronecan {
 
 // Return the payloads. If the place is not known, there is no fix: no time, no satellites, variances of 0 (unknown),
 // and dilutions of precision that are NaN. `time_us`: the timestamp, 56 bits. `figures`: the standard deviations; if
-// 0, the variances are typical of a receiver under an open sky.
+// 0, a receiver under an open sky has the variances (receiver_accuracy.hpp).
 PackedPayload<gnss_fix2_size> fix2_of(const Navigation& navigation, const OwnFigures& figures,
                                       std::uint64_t time_us) noexcept;
 PackedPayload<gnss_auxiliary_size> auxiliary_of(const Navigation& navigation) noexcept;

@@ -189,9 +189,9 @@ void FrameDevice::send(Scheduled& one, const Sample& sample, FrameBuffer& out) n
   if (room.size() != longest) return;
   const MessageLayout::State state{static_cast<std::uint64_t>(one.number + one.skew), frames_++,
                                    sample.time - powered_ < starting_.until};
-  const auto [size, saturated] =
-      layout.encode({sample, one.delta_angle, one.delta_velocity, one.rotation, seconds(sample.time - one.sent)},
-                    state, one.carried, is_escaped ? std::span(content_) : room);
+  const auto [size, saturated] = layout.encode(
+      {sample, one.delta_angle, one.delta_velocity, one.rotation, seconds(sample.time - one.sent), &figures_}, state,
+      one.carried, is_escaped ? std::span(content_) : room);
   counts_[0] += saturated;
   out.push(is_escaped ? escape_frame(escape_, std::span(content_).first(size), room) : size);
   clear_increments(one, sample.time);

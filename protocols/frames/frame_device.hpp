@@ -57,6 +57,7 @@ class FrameDevice final : public Device, private FrameHost::Unit {
   std::optional<DeviceTime> deadline() const noexcept override { return host_.deadline(); }
   void poll(DeviceTime now, FrameBuffer& out) noexcept override;
   void step_clock(Nanoseconds by) noexcept override;
+  void set_figures(const OwnFigures& figures) noexcept override { figures_ = figures; }
   UartSettings uart() const noexcept override;
   std::span<const std::uint64_t> counts() const noexcept override { return counts_; }
 
@@ -73,7 +74,7 @@ class FrameDevice final : public Device, private FrameHost::Unit {
     Quaternion rotation = Quaternion::Identity();
     std::vector<double> carried = {};
   };
-  const Sample& newest() const noexcept override { return newest_; }
+  Reading newest() const noexcept override { return {.sample = newest_, .figures = &figures_}; }
   void poll_message(std::size_t message, DeviceTime now, FrameBuffer& out) noexcept override;
   void switch_messages() noexcept override;
   void restart(DeviceTime now) noexcept override;
@@ -99,6 +100,7 @@ class FrameDevice final : public Device, private FrameHost::Unit {
   Sample newest_;                    // if keeps_newest_ is false, only its time is set
   // Fields that saturated, in all messages, and FrameHost's counts.
   std::array<std::uint64_t, 3> counts_ = {};
+  OwnFigures figures_;
 };
 
 // Finds the frames by their constants and checks, and combines the messages of a sample into a measurement. All

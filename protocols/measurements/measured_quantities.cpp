@@ -2,11 +2,13 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 
 #include "core/attitude.hpp"
 #include "core/earth/earth.hpp"
 #include "core/gps_time.hpp"
 #include "core/numbers/elementary.hpp"
+#include "protocols/measurements/receiver_accuracy.hpp"
 
 namespace imud {
 namespace {
@@ -147,6 +149,15 @@ double dilution(const Reading& r) noexcept {
   const Navigation& receiver = r.sample.fix();
   return receiver.is_known ? double{receiver.dilution.known_or(open_sky).*Member} : 0;
 }
+template <Vector3 ReceiverAccuracy::*Member, int Axis>
+double receiver_sigma(const Reading& r) noexcept {
+  return (receiver_accuracy(r.sample.fix(), r.figures != nullptr ? *r.figures : OwnFigures{}).*Member)[Axis];
+}
+double horizontal_sigma(const Reading& r) noexcept {
+  const double north = receiver_sigma<&ReceiverAccuracy::position, 0>(r),
+               east = receiver_sigma<&ReceiverAccuracy::position, 1>(r);
+  return std::sqrt(north * north + east * east);
+}
 double satellites(const Reading& r) noexcept { return r.sample.fix().is_known ? r.sample.fix().satellites : 0; }
 
 // --- The unit's own solution, and its receiver's fix ---
@@ -198,6 +209,9 @@ void put_temperature(double value, ReadBack& read) noexcept {
   read.measurement.fields |= Measurement::temperature;
 }
 double pressure(const Reading& r) noexcept { return r.sample.pressure; }
+double pressure_altitude(const Reading& r) noexcept {
+  return r.sample.pressure > 0 ? standard_altitude(r.sample.pressure) : 0;
+}
 
 constexpr MeasuredQuantity anywhere(std::string_view name, std::string_view help, std::span<const KeyUnit> units,
                                     double (*get)(const Reading&) noexcept) {
@@ -258,6 +272,8 @@ constexpr MeasuredQuantity quantities[] = {
     {"magnetic_field_y", "", key_units::magnetic_field, newest<&Sample::magnetic_field, 1>},
     {"magnetic_field_z", "", key_units::magnetic_field, newest<&Sample::magnetic_field, 2>},
     {"pressure", "static pressure", key_units::pressure, pressure},
+    anywhere("pressure_altitude", "of that pressure in the standard atmosphere; 0 where it is not known",
+             key_units::length, pressure_altitude),
     {"q_LP_w", "attitude relative to north-east-down, v_L = q_LP v_P", {}, attitude<0>},
     {"q_LP_x", "", {}, attitude<1>},
     {"q_LP_y", "", {}, attitude<2>},
@@ -362,6 +378,15 @@ constexpr MeasuredQuantity quantities[] = {
     with_fix("gnss_velocity_up", "", key_units::speed, climb<received>),
     with_fix("gnss_ground_speed", "", key_units::speed, ground_speed<received>),
     with_fix("gnss_track", "", key_units::angle, track<received>),
+    with_fix("gnss_position_sigma_north", "standard deviations that the receiver reports", key_units::length,
+             receiver_sigma<&ReceiverAccuracy::position, 0>),
+    with_fix("gnss_position_sigma_east", "", key_units::length, receiver_sigma<&ReceiverAccuracy::position, 1>),
+    with_fix("gnss_position_sigma_down", "", key_units::length, receiver_sigma<&ReceiverAccuracy::position, 2>),
+    with_fix("gnss_horizontal_sigma", "root of the sum of the squares of north and east", key_units::length,
+             horizontal_sigma),
+    with_fix("gnss_velocity_sigma_north", "", key_units::speed, receiver_sigma<&ReceiverAccuracy::velocity, 0>),
+    with_fix("gnss_velocity_sigma_east", "", key_units::speed, receiver_sigma<&ReceiverAccuracy::velocity, 1>),
+    with_fix("gnss_velocity_sigma_down", "", key_units::speed, receiver_sigma<&ReceiverAccuracy::velocity, 2>),
     {"sample_counter", "wraps", {}, nullptr, nullptr, counter},
     {"status", "bits of core/sample.hpp", {}, nullptr, nullptr, status},
 };

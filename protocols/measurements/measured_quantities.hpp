@@ -22,6 +22,7 @@ struct Reading {
   Vector3 delta_velocity = Vector3::Zero();      // m/s, the sum
   Quaternion rotation = Quaternion::Identity();  // of the platform: q_LP2 = q_LP1 * rotation
   double interval_s = 0;                         // 0: not known; the increments are then those in `sample`
+  const OwnFigures* figures = nullptr;           // of the unit; nullptr: it has none
 };
 
 // Numbers that were read back from messages.

@@ -76,7 +76,8 @@ void SignalDevice::send(Scheduled& one, const Sample& sample, FrameBuffer& out) 
   const std::span<std::byte> room = out.room(codec.size());
   if (room.size() != codec.size()) return;
   saturated_ += codec.encode(
-      {sample, one.delta_angle, one.delta_velocity, one.rotation, seconds(sample.time - one.sent)}, one.count, room);
+      {sample, one.delta_angle, one.delta_velocity, one.rotation, seconds(sample.time - one.sent), &figures_},
+      one.count, room);
   out.push(codec.size(), one.message.can);
   if (!one.has_increments) return;
   one.sent = sample.time;

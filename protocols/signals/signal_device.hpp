@@ -33,6 +33,7 @@ class SignalDevice final : public Device {
   void power_on(DeviceTime now) noexcept override;
   void sample(const Sample& sample, FrameBuffer& out) noexcept override;
   void step_clock(Nanoseconds by) noexcept override;
+  void set_figures(const OwnFigures& figures) noexcept override { figures_ = figures; }
   std::span<const std::uint64_t> counts() const noexcept override { return {&saturated_, 1}; }
 
  private:
@@ -53,6 +54,7 @@ class SignalDevice final : public Device {
   std::optional<DeviceTime> start_;  // time of the first sample since power on
   std::uint64_t counter_ = 0;        // of the last sample
   std::uint64_t saturated_ = 0;      // signals, in all messages
+  OwnFigures figures_;
 };
 
 // Returns the seal of the messages, which lets all bytes of a message change; nullptr if no message has a

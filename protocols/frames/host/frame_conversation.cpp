@@ -14,7 +14,7 @@ using Host = FrameHostDescription;
 // A unit without a sample.
 class Idle final : public FrameHost::Unit {
  public:
-  const Sample& newest() const noexcept override { return sample_; }
+  Reading newest() const noexcept override { return {sample_}; }
   void poll_message(std::size_t, DeviceTime, FrameBuffer&) noexcept override {}
   void switch_messages() noexcept override {}
   void restart(DeviceTime) noexcept override {}

@@ -23,7 +23,7 @@ class FrameHost {
   // The unit that owns the FrameHost.
   class Unit {
    public:
-    virtual const Sample& newest() const noexcept = 0;
+    virtual Reading newest() const noexcept = 0;  // sample
     // Must send a message once: immediately with the newest sample or, if there is no sample yet, with the first one.
     virtual void poll_message(std::size_t message, DeviceTime now, FrameBuffer& out) noexcept = 0;
     // Is called when settings have changed, or the stream was switched.

@@ -113,7 +113,7 @@ std::string_view FrameAnswer::text_of(const Part& part, const FrameCaptures& cap
 std::size_t FrameAnswer::write(const FrameCaptures& captures, const FrameAnswering& with,
                                std::span<std::byte> out) const noexcept {
   if (bytes_) {
-    bytes_->write({with.newest}, captures.bytes, with.values, with.settings, out.first(bytes_->size()));
+    bytes_->write(with.newest, captures.bytes, with.values, with.settings, out.first(bytes_->size()));
     return bytes_->size();
   }
   std::size_t size = 0;

@@ -16,7 +16,7 @@ namespace imud {
 struct FrameAnswering {
   const FrameSettings& settings;
   std::span<const FrameValue> values;  // of all settings
-  const Sample& newest;
+  Reading newest;
 };
 
 // An answer: either text with {setting}, {value}, {NAME}, {any} and {line}, or elements, or nothing.
