@@ -10,9 +10,15 @@
 // (bits and limits: sbgEComLogEkf.h, sbgEComLogStatus.h and doc/binaryMessages.md of sbgECom 05c19cd). The undulation
 // is 0, so that the altitude is the height above the ellipsoid. The arbitrary unit of the magnetometer is assumed to
 // be 50 uT.
+//
+// The messages GPS1 are the fix of the unit's receiver, whatever its solution is, with the time of the sample.
+// AIR_DATA is the unit's barometer, whose altitude is "referenced to a standard 1013.25 hPa zero level pressure". The
+// heading of two antennas (GPS1_HDT) is not sent.
 #include <algorithm>
+#include <cmath>
 
 #include "core/attitude.hpp"
+#include "protocols/measurements/receiver_accuracy.hpp"
 #include "protocols/signals/signal_product.hpp"
 
 namespace imud {
@@ -108,16 +114,51 @@ double angle_accuracy(const Reading& reading) noexcept {
       roll_pitch_yaw_deviations(reading.sample.q_LP, reading.sample.solution->attitude.cast<double>())[Angle];
   return std::min(sigma, Angle == 1 ? units::pi / 2 : units::pi);
 }
+constexpr double largest_position = 655.35, largest_velocity = 327.67;  // m, m/s
 // Returns the standard deviation of a component, at most 655.35 m (the largest value of its field) or 327.67 m/s
 // (SBG's document has accuracies of velocities as unsigned numbers, its sbgCan.dbc as signed numbers). While there is
 // no place, returns these limits.
 template <Eigen::Vector3f Solution::*Member, int Axis>
 double accuracy(const Reading& reading) noexcept {
-  constexpr double largest = Member == &Solution::position ? 655.35 : 327.67;
+  constexpr double largest = Member == &Solution::position ? largest_position : largest_velocity;
   if (!reading.sample.solution) return 0;
   if (!reading.sample.navigation.is_known) return largest;
   return std::min(largest, static_cast<double>(((*reading.sample.solution).*Member)[Axis]));
 }
+
+// --- The receiver ---
+// GPS_POS_STATUS and GPS_VEL_STATUS (sbgEComLogGnssPos.h, sbgEComLogGnssVel.h). Bits 0 to 5: 0 computed, 1 too few
+// satellites. Bits 6 to 11, the type: of a position 2, single; of a velocity 2, Doppler; 0 without a solution. Bit
+// 12: GPS L1 is used, which is chosen.
+constexpr unsigned no_solution = 1, computed = 2U << 6, gps_l1 = 1U << 12;
+double gps_position_status(const Reading& reading) noexcept {
+  return reading.sample.fix().is_known ? computed | gps_l1 : no_solution;
+}
+double gps_velocity_status(const Reading& reading) noexcept {
+  return reading.sample.fix().is_known ? computed : no_solution;
+}
+// Returns the accuracy of a component, at most 655.35 m or 327.67 m/s, as above; without a fix, returns this limit.
+template <Vector3 ReceiverAccuracy::*Member, int Axis>
+double gps_accuracy(const Reading& reading) noexcept {
+  constexpr double largest = Member == &ReceiverAccuracy::position ? largest_position : largest_velocity;
+  const Navigation& fix = reading.sample.fix();
+  if (!fix.is_known) return largest;
+  const OwnFigures figures = reading.figures != nullptr ? *reading.figures : OwnFigures{};
+  return std::min(largest, (receiver_accuracy(fix, figures).*Member)[Axis]);
+}
+// Returns the standard deviation of the course, rad, at most pi, by the horizontal velocity and its accuracy.
+double gps_course_accuracy(const Reading& reading) noexcept {
+  const Vector3& v = reading.sample.fix().v_L;
+  const double north = v.x() * gps_accuracy<&ReceiverAccuracy::velocity, 1>(reading),
+               east = v.y() * gps_accuracy<&ReceiverAccuracy::velocity, 0>(reading);
+  const double square = v.head<2>().squaredNorm(), across = std::sqrt(north * north + east * east);
+  return across < units::pi * square ? across / square : units::pi;
+}
+
+// --- The barometer ---
+// AIR_DATA_STATUS (doc/binaryMessages.md): bit 1: the pressure is valid, bit 2: the altitude is valid.
+double air_data_status(const Reading& reading) noexcept { return reading.sample.pressure > 0 ? 6 : 0; }
+
 constexpr MeasuredQuantity clock_word = {.name = "clock_status", .help = "", .get = clock_status};
 constexpr MeasuredQuantity aiding_word = {.name = "aiding_status", .help = "", .get = aiding_status};
 constexpr MeasuredQuantity solution_word = {.name = "solution_status", .help = "", .get = solution_status};
@@ -129,6 +170,17 @@ constexpr MeasuredQuantity position_deviation = {
 template <int Axis>
 constexpr MeasuredQuantity velocity_deviation = {
     .name = "accuracy", .help = "", .get = accuracy<&Solution::velocity, Axis>};
+
+constexpr MeasuredQuantity gps_position_word = {.name = "gps_status", .help = "", .get = gps_position_status};
+constexpr MeasuredQuantity gps_velocity_word = {.name = "gps_status", .help = "", .get = gps_velocity_status};
+template <int Axis>
+constexpr MeasuredQuantity gps_position_deviation = {
+    .name = "accuracy", .help = "", .get = gps_accuracy<&ReceiverAccuracy::position, Axis>};
+template <int Axis>
+constexpr MeasuredQuantity gps_velocity_deviation = {
+    .name = "accuracy", .help = "", .get = gps_accuracy<&ReceiverAccuracy::velocity, Axis>};
+constexpr MeasuredQuantity gps_course_deviation = {.name = "accuracy", .help = "", .get = gps_course_accuracy};
+constexpr MeasuredQuantity air_data_word = {.name = "air_data_status", .help = "", .get = air_data_status};
 
 constexpr CanSignal own(std::string_view name, unsigned start, unsigned length, double scale,
                         const MeasuredQuantity& quantity) {
@@ -208,6 +260,31 @@ constexpr CanSignal mag_0[] = {time_stamp,
 constexpr CanSignal mag_1[] = {{"MAG_X", 0, 16, intel_signed, 1e-3, 0, "magnetic_field_x_au"},
                                {"MAG_Y", 16, 16, intel_signed, 1e-3, 0, "magnetic_field_y_au"},
                                {"MAG_Z", 32, 16, intel_signed, 1e-3, 0, "magnetic_field_z_au"}};
+constexpr CanSignal air_data_info[] = {time_stamp,
+                                       own("AIR_DATA_STATUS", 32, 8, 1, air_data_word),
+                                       {.name = "AIR_TEMPERATURE", .start = 40, .length = 16, .initial = 0}};
+constexpr CanSignal air_data_altitude[] = {{"PRESSURE_ABS", 0, 32, intel_unsigned, 1e-3, 0, "pressure_pa"},
+                                           {"ALTITUDE", 32, 32, intel_signed, 1e-3, 0, "pressure_altitude_m"}};
+constexpr CanSignal gps1_vel_info[] = {time_stamp, own("GPS_VEL_STATUS", 32, 32, 1, gps_velocity_word)};
+constexpr CanSignal gps1_vel[] = {{"VEL_N", 0, 16, intel_signed, 0.01, 0, "gnss_velocity_north_m_per_s"},
+                                  {"VEL_E", 16, 16, intel_signed, 0.01, 0, "gnss_velocity_east_m_per_s"},
+                                  {"VEL_D", 32, 16, intel_signed, 0.01, 0, "gnss_velocity_down_m_per_s"}};
+constexpr CanSignal gps1_vel_acc[] = {own("VEL_ACC_N", 0, 16, 0.01, gps_velocity_deviation<0>),
+                                      own("VEL_ACC_E", 16, 16, 0.01, gps_velocity_deviation<1>),
+                                      own("VEL_ACC_D", 32, 16, 0.01, gps_velocity_deviation<2>)};
+constexpr CanSignal gps1_course[] = {{"COURSE", 0, 16, intel_unsigned, 0.01, 0, "gnss_track_deg%360"},
+                                     own("COURSE_ACC", 16, 16, 0.01 * units::degree, gps_course_deviation)};
+constexpr CanSignal gps1_pos_info[] = {time_stamp, own("GPS_POS_STATUS", 32, 32, 1, gps_position_word)};
+constexpr CanSignal gps1_pos[] = {{"LATITUDE", 0, 32, intel_signed, 1e-7, 0, "gnss_latitude_deg"},
+                                  {"LONGITUDE", 32, 32, intel_signed, 1e-7, 0, "gnss_longitude_deg"}};
+constexpr CanSignal gps1_pos_alt[] = {{"ALTITUDE", 0, 32, intel_signed, 1e-3, 0, "gnss_height_m"},
+                                      {"UNDULATION", 32, 16, intel_signed, 5e-3, 0},
+                                      {"NUM_SV", 48, 8, intel_unsigned, 1, 0, "gnss_satellites"},
+                                      {.name = "DIFF_CORR_AGE", .start = 56, .length = 8, .initial = 0xFF}};
+constexpr CanSignal gps1_pos_acc[] = {own("LAT_ACC", 0, 16, 0.01, gps_position_deviation<0>),
+                                      own("LONG_ACC", 16, 16, 0.01, gps_position_deviation<1>),
+                                      own("ALT_ACC", 32, 16, 0.01, gps_position_deviation<2>),
+                                      {.name = "BASE_STATION_ID", .start = 48, .length = 16, .initial = 0xFFFF}};
 
 constexpr SignalProductMessage messages[] = {
     {"status_01", 0x100, 8, status_01},
@@ -232,6 +309,16 @@ constexpr SignalProductMessage messages[] = {
     {"ekf_vel_body", 0x139, 6, ekf_vel_body},
     {"mag_0", 0x150, 6, mag_0},
     {"mag_1", 0x151, 6, mag_1},
+    {"air_data_info", 0x162, 7, air_data_info},
+    {"air_data_altitude", 0x163, 8, air_data_altitude},
+    {"gps1_vel_info", 0x170, 8, gps1_vel_info},
+    {"gps1_vel", 0x171, 6, gps1_vel},
+    {"gps1_vel_acc", 0x172, 6, gps1_vel_acc},
+    {"gps1_course", 0x173, 4, gps1_course},
+    {"gps1_pos_info", 0x174, 8, gps1_pos_info},
+    {"gps1_pos", 0x175, 8, gps1_pos},
+    {"gps1_pos_alt", 0x176, 8, gps1_pos_alt},
+    {"gps1_pos_acc", 0x177, 8, gps1_pos_acc},
 };
 // Figures of the Ellipse, from memory of the data sheet: 450 deg/s, 0.15 deg/sqrt(h); 8 g, 57 ug/sqrt(Hz).
 constexpr SignalProduct sbg_can_table = {.messages = messages,
@@ -249,7 +336,7 @@ constexpr Setting settings[] = {output_rate_setting(200, 1000), messages_setting
 
 extern constexpr Protocol sbg_can_protocol = signal_protocol<sbg_can_table>({
     .name = "sbg-can",
-    .summary = "SBG Systems Ellipse on CAN (sbgECan): IMU, attitude, position, UTC, status",
+    .summary = "SBG Systems Ellipse on CAN (sbgECan): IMU, attitude, position, receiver, UTC, status",
     .document = "sbgECom 5, doc/canProtocol.md",
     .settings = settings,
     .fields = Measurement::time | Measurement::rate | Measurement::specific_force | Measurement::temperature,

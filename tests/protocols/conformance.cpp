@@ -42,7 +42,9 @@ const Conformance nos3_imu("nos3-imu", {.settings = nos3_imu_settings,
 constexpr ConformanceSettings sbg_can_settings[] = {
     {""},
     {"messages=imu_gyro,imu_info,imu_accel,status_01,status_02,status_03,utc_0,utc_1,ekf_quat,ekf_euler,"
-     "ekf_orientation_acc,ekf_pos,ekf_altitude,ekf_pos_acc,ekf_vel_ned,ekf_vel_ned_acc,ekf_vel_body,mag_0,mag_1 "
+     "ekf_orientation_acc,ekf_pos,ekf_altitude,ekf_pos_acc,ekf_vel_ned,ekf_vel_ned_acc,ekf_vel_body,mag_0,mag_1,"
+     "air_data_info,air_data_altitude,gps1_vel_info,gps1_vel,gps1_vel_acc,gps1_course,gps1_pos_info,gps1_pos,"
+     "gps1_pos_alt,gps1_pos_acc "
      "output_rate_hz=50"},
     {"extended=true id_offset=419430400 identifiers=imu_accel=0x711"},
 };

@@ -121,6 +121,35 @@ def sbg_accuracy(quantity, axis, unknown):
     return lambda sample, _: deviations(sample, quantity)[axis] if has_place(sample) else unknown
 
 
+def sbg_gps_sigma(quantity, axis, unknown):
+    """The accuracy that the receiver reports, at most the number `unknown`, which stands where there is no fix."""
+    return lambda sample, _: min(float(sample[f"gnss_{quantity}_sigma_{axis}"]), unknown) if sample["gnss_fix"] else unknown
+
+
+def sbg_gps_course_sigma(sample, _):
+    """By numerical differentiation of the course by the two velocities."""
+    if not sample["gnss_fix"]:
+        return math.pi
+    north, east = float(sample["gnss_velocity_north"]), float(sample["gnss_velocity_east"])
+    sigmas = [sbg_gps_sigma("velocity", axis, 327.67)(sample, _) for axis in ("north", "east")]
+    step = 1e-6 * math.hypot(north, east)
+    slopes = [math.remainder(math.atan2(east + de, north + dn) - math.atan2(east - de, north - dn), 2 * math.pi) / (2 * step)
+              for dn, de in ((step, 0), (0, step))]
+    return min(math.pi, math.hypot(*(slope * sigma for slope, sigma in zip(slopes, sigmas))))
+
+
+def standard_altitude(pressure):
+    """Of ISO 2533 and the U.S. Standard Atmosphere 1976, up to 20 km."""
+    if pressure <= 0:
+        return 0
+    k = 9.80665 * 28.9644e-3 / 8.31432  # K/m
+    exponent = k / 0.0065
+    tropopause = 101325 * (1 - 0.0065 * 11000 / 288.15) ** exponent
+    if pressure > tropopause:
+        return 288.15 / 0.0065 * (1 - (pressure / 101325) ** (1 / exponent))
+    return 11000 + 216.65 / k * math.log(tropopause / pressure)
+
+
 def xsens_status(sample, _):
     clipped = (sample["status"] >> 3 & 7) << 8 | (sample["status"] & 7) << 11
     state = sample["navigation_state"]
@@ -174,7 +203,18 @@ EXPECTED = {
         "ROLL_ACC": sbg_angle(0), "PITCH_ACC": sbg_angle(1), "YAW_ACC": sbg_angle(2),
         **{f"{name}_ACC": sbg_accuracy("position", i, 655.35) for i, name in enumerate(("LATITUDE", "LONGITUDE", "ALTITUDE"))},
         **{f"VELOCITY_ACC_{name}": sbg_accuracy("velocity", i, 327.67) for i, name in enumerate("NED")},
-        **vector("VELOCITY_{}", "velocity"), "MAG_0.STATUS": 0xFF, **vector("MAG_{}", "magnetic_field")},
+        **vector("VELOCITY_{}", "velocity"), "MAG_0.STATUS": 0xFF, **vector("MAG_{}", "magnetic_field"),
+        "AIR_DATA_STATUS": lambda sample, _: 6 if sample["pressure"] > 0 else 0, "AIR_TEMPERATURE": 0, "PRESSURE_ABS": "pressure",
+        "AIR_DATA_ALTITUDE.ALTITUDE": lambda sample, _: standard_altitude(float(sample["pressure"])),
+        "GPS_VEL_STATUS": lambda sample, _: 0x80 if sample["gnss_fix"] else 1,
+        "GPS_POS_STATUS": lambda sample, _: 0x1080 if sample["gnss_fix"] else 1,
+        **{f"VEL_{axis[0].upper()}": f"gnss_velocity_{axis}" for axis in ("north", "east", "down")},
+        **{f"VEL_ACC_{axis[0].upper()}": sbg_gps_sigma("velocity", axis, 327.67) for axis in ("north", "east", "down")},
+        "COURSE": lambda sample, _: float(sample["gnss_track"]) % (2 * math.pi), "COURSE_ACC": sbg_gps_course_sigma,
+        "GPS1_POS.LATITUDE": "gnss_latitude", "GPS1_POS.LONGITUDE": "gnss_longitude", "GPS1_POS_ALT.ALTITUDE": "gnss_height",
+        "NUM_SV": "gnss_satellites", "DIFF_CORR_AGE": 0xFF, "BASE_STATION_ID": 0xFFFF,
+        **{f"{name}_ACC": sbg_gps_sigma("position", axis, 655.35)
+           for name, axis in (("LAT", "north"), ("LONG", "east"), ("ALT", "down"))}},
     "xsens_can.dbc": {
         "Timestamp": lambda sample, _: sample["time_ns"] * Decimal("1e-9"), "Counter": lambda sample, _: sample["counter"],
         "year": "utc_year", "month": "utc_month", "day": "utc_day", "hour": "utc_hour", "minute": "utc_minute",

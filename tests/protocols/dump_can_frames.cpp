@@ -68,6 +68,8 @@ Sample random_flight(std::uint64_t k, std::mt19937_64& random) {
   sample.navigation.longitude = 3 * uniform(random);
   sample.navigation.height = 9000 * uniform(random);
   sample.navigation.v_L = vector(100);
+  sample.navigation.satellites = static_cast<std::uint8_t>(4 + k % 30);
+  sample.navigation.accuracy_factor = 1 + 0.25F * static_cast<float>(k % 8);
   sample.magnetic_field = vector(60e-6);
   sample.pressure = 80e3 + 20e3 * uniform(random);
   sample.status = static_cast<std::uint32_t>(random()) & 0x3FU;
@@ -91,7 +93,13 @@ void solve(Sample& sample, std::uint64_t k, std::mt19937_64& random) {
   for (const unsigned aids : all_aids)
     if (random() % 2 == 0) solution.used = static_cast<std::uint16_t>(solution.used | aids);
   if (random() % 2 == 0) sample.magnetic_field.setZero();
-  if (k % 8 < 5) solution.receiver = sample.navigation;
+  if (k % 8 < 5) {
+    solution.receiver = sample.navigation;
+    solution.receiver.latitude += 0.01;
+    solution.receiver.longitude -= 0.02;
+    solution.receiver.height += 30;
+    solution.receiver.v_L += Vector3(4, -5, 6);
+  }
   const bool has_place = solution.state == Solution::State::coasting || solution.state == Solution::State::aided;
   if (!has_place) sample.navigation = {};
 }
@@ -108,12 +116,16 @@ void dump_tables(const char* name, const char* settings_text, const char* dbc) {
   const Protocol& protocol = protocol_named(name);
   Line line(protocol, settings_of(protocol, settings_text));
   std::mt19937_64 random(4);
+  OwnFigures figures;
+  figures.position = {1.5, 2.5, 300};
+  figures.velocity = {0.02, 0.3, 4};
+  line.device->set_figures(figures);
   for (std::uint64_t k = 0; k < 150; ++k) {
     Sample sample = random_flight(k, random);
     if (k >= 100 && k < 110) go_beyond_all_ranges(sample);
     if (k >= 110) solve(sample, k, random);
-    const Reading reading{sample, sample.delta_angle, sample.delta_velocity, exp(sample.delta_angle),
-                          k == 0 ? 0 : 0.01};
+    const Reading reading{
+        sample, sample.delta_angle, sample.delta_velocity, exp(sample.delta_angle), k == 0 ? 0 : 0.01, &figures};
     std::string values;
     for (const MeasuredQuantity& quantity : measured_quantities()) {
       if (quantity.kind != MeasuredQuantity::Kind::number) continue;
@@ -142,7 +154,8 @@ int main() {
       "output_rate_hz=100 "
       "messages=status_01,status_02,status_03,utc_0,utc_1,imu_info,imu_accel,imu_gyro,imu_delta_vel,imu_delta_angle,"
       "ekf_info,ekf_quat,ekf_euler,ekf_orientation_acc,ekf_pos,ekf_altitude,ekf_pos_acc,ekf_vel_ned,ekf_vel_ned_acc,"
-      "ekf_vel_body,mag_0,mag_1",
+      "ekf_vel_body,mag_0,mag_1,air_data_info,air_data_altitude,gps1_vel_info,gps1_vel,gps1_vel_acc,gps1_course,"
+      "gps1_pos_info,gps1_pos,gps1_pos_alt,gps1_pos_acc",
       "sbg_can.dbc");
   imud::dump_tables("bosch-mm7", "", "bosch_mm7.dbc");
   imud::dump_tables("bosch-mm5", "", "bosch_mm5.dbc");

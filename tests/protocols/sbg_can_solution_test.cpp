@@ -2,6 +2,7 @@
 // sbgEComLogEkf.h, sbgEComLogStatus.h and doc/binaryMessages.md.
 #include <gtest/gtest.h>
 
+#include <cstdint>
 #include <string>
 #include <vector>
 
@@ -111,6 +112,88 @@ TEST(SbgCanSolutionTest, AccuraciesAreTheFiltersDeviations) {
   EXPECT_EQ(sbg_frames(messages, sample)[1], unknown[1]);
   EXPECT_EQ(sbg_frames(messages, sample)[2], unknown[2]);
   EXPECT_EQ(sbg_frames(messages, aligning(sbg_known())), unknown);
+}
+
+constexpr const char* sbg_gps =
+    "gps1_vel_info,gps1_vel,gps1_vel_acc,gps1_course,gps1_pos_info,gps1_pos,gps1_pos_alt,gps1_pos_acc";
+
+// The layouts are those of sbgECom 05c19cd, doc/canProtocol.md; the numbers were written by hand.
+TEST(SbgCanSolutionTest, Gps1IsTheReceiversFixWhateverTheSolution) {
+  Sample sample = sbg_known();
+  sample.navigation.latitude = 45.5 * units::degree;
+  sample.navigation.longitude = -12.25 * units::degree;
+  sample.navigation.height = 1234.567;
+  sample.navigation.v_L = {3, -4, 0.5};
+  sample.navigation.satellites = 9;
+  const SbgLines open_sky = {
+      "170#40420F0080000000",  // computed, Doppler
+      "171#2C0170FE3200",      // 3, -4, 0.5 m/s
+      "172#030003000300",      // 0.03 m/s
+      "173#DF772200",          // 306.87 deg; 0.03 / 5 rad is 0.34 deg
+      "174#40420F0080100000",  // computed, single, GPS L1
+      "175#C0BF1E1B60CCB2F8",  // 45.5 deg, -12.25 deg
+      "176#87D61200000009FF",  // 1234.567 m, no undulation, 9 satellites, no corrections
+      "177#55005500B400FFFF"   // 0.85 m, 0.85 m, 1.8 m
+  };
+  EXPECT_EQ(sbg_frames(sbg_gps, sample), open_sky);
+  // The receiver's accuracies are multiplied where it sees few satellites.
+  sample.navigation.accuracy_factor = 4;
+  sample.navigation.satellites = 4;
+  SbgLines few = sbg_frames(sbg_gps, sample);
+  EXPECT_EQ(few[2], "172#0C000C000C00");
+  EXPECT_EQ(few[3], "173#DF778A00");  // 1.375 deg
+  EXPECT_EQ(few[6], "176#87D61200000004FF");
+  EXPECT_EQ(few[7], "177#54015401D002FFFF");
+  sample.navigation.accuracy_factor = 1;
+  sample.navigation.satellites = 9;
+  // Neither a filter that has no place yet, nor one that is elsewhere, changes the fix.
+  EXPECT_EQ(sbg_frames(sbg_gps, aligning(sample)), open_sky);
+  Sample elsewhere = aided(sample);
+  elsewhere.navigation.latitude = 0.5;
+  elsewhere.navigation.v_L.setZero();
+  EXPECT_EQ(sbg_frames(sbg_gps, elsewhere), open_sky);
+  // Without a fix the receiver has nothing, though the solution coasts.
+  const SbgLines none = {"170#40420F0001000000", "171#000000000000",     "172#FF7FFF7FFF7F",
+                         "173#00005046",         "174#40420F0001000000", "175#0000000000000000",
+                         "176#00000000000000FF", "177#FFFFFFFFFFFFFFFF"};
+  EXPECT_EQ(sbg_frames(sbg_gps, coasting(sample, 60)), none);
+  sample.navigation = {};
+  EXPECT_EQ(sbg_frames(sbg_gps, sample), none);
+}
+
+TEST(SbgCanSolutionTest, Gps1HasTheAccuraciesOfTheUnitsReceiver) {
+  const Protocol& protocol = protocol_named("sbg-can");
+  Line line(protocol, settings_of(protocol, "messages=gps1_vel_acc,gps1_course,gps1_pos_acc"));
+  OwnFigures figures;
+  figures.position = {1.25, 2.5, 700};
+  figures.velocity = {0.1, 0.2, 0.4};
+  line.device->set_figures(figures);
+  Sample sample = sbg_known();  // at rest: the course is not known
+  const auto frames = [&] {
+    SbgLines lines;
+    for (const Frame& frame : line.encode(sample)) lines.push_back(can_text(frame));
+    return lines;
+  };
+  EXPECT_EQ(frames(), (SbgLines{"172#0A0014002800", "173#00005046", "177#7D00FA00FFFFFFFF"}));
+  // To the east the course follows the north velocity: 0.1 / 10 rad is 0.57 deg.
+  sample.time.ns += 1'000'000'000;
+  ++sample.counter;
+  sample.navigation.v_L = {0, 10, 0};
+  EXPECT_EQ(frames()[1], "173#28233900");
+}
+
+TEST(SbgCanSolutionTest, AirDataIsTheBarometers) {
+  Sample sample = sbg_known();
+  EXPECT_EQ(sbg_frames("air_data_info,air_data_altitude", sample),
+            (SbgLines{"162#40420F00000000", "163#0000000000000000"}));
+  sample.pressure = 89874.57;  // of the standard atmosphere at 1000 m (ISO 2533)
+  const SbgLines lines = sbg_frames("air_data_info,air_data_altitude", sample);
+  EXPECT_EQ(lines[0], "162#40420F00060000");
+  EXPECT_EQ(lines[1].substr(0, 12), "163#8A605B05");
+  std::uint32_t altitude_mm = 0;
+  for (std::size_t i = 0; i < 4; ++i)
+    altitude_mm |= static_cast<std::uint32_t>(std::stoul(lines[1].substr(12 + 2 * i, 2), nullptr, 16)) << 8 * i;
+  EXPECT_NEAR(altitude_mm, 1e6, 2);
 }
 
 }  // namespace
