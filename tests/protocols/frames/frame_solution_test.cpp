@@ -108,7 +108,7 @@ TEST(SolutionStatus, OfApplanix) {
 
 TEST(SolutionStatus, OfNcom) {
   EXPECT_EQ(byte_at("ncom", 21), (Numbers{4, 2, 2, 4, 4, 4})) << "ready to initialise, real time";
-  EXPECT_EQ(byte_at("ncom", 67), (Numbers{12, 0, 9, 9, 0, 9})) << "satellites";
+  EXPECT_EQ(byte_at("ncom", 67), (Numbers{9, 0, 9, 9, 0, 9})) << "satellites";
   for (const std::size_t mode : {68U, 69U, 70U})
     EXPECT_EQ(byte_at("ncom", mode), (Numbers{5, 0, 5, 5, 0, 5})) << "0: the receiver cannot measure";
 }
@@ -120,12 +120,12 @@ TEST(SolutionStatus, OfInertialLabs) {
   const std::size_t at = 111;
   EXPECT_EQ(byte_at("inertiallabs-ins", at), (Numbers{10, 255, 255, 100, 200, 100})) << "of the velocity, mm/s";
   EXPECT_EQ(byte_at("inertiallabs-ins", at + 3 + 6 + 2), (Numbers{2, 0, 2, 2, 0, 2})) << "fix";
-  EXPECT_EQ(byte_at("inertiallabs-ins", at + 3 + 6 + 2 + 2), (Numbers{12, 0, 9, 9, 0, 9})) << "satellites";
+  EXPECT_EQ(byte_at("inertiallabs-ins", at + 3 + 6 + 2 + 2), (Numbers{9, 0, 9, 9, 0, 9})) << "satellites";
 }
 
 TEST(SolutionStatus, OfSensAItion) {
   const std::size_t ins = 39 + 19;
-  EXPECT_EQ(byte_at("sensaition-ins", ins + 3), (Numbers{12, 0, 9, 9, 0, 9})) << "satellites";
+  EXPECT_EQ(byte_at("sensaition-ins", ins + 3), (Numbers{9, 0, 9, 9, 0, 9})) << "satellites";
   EXPECT_EQ(byte_at("sensaition-ins", ins + 35), (Numbers{1, 0, 0, 1, 1, 1})) << "aligned";
   EXPECT_EQ(byte_at("sensaition-ins", ins + 41), (Numbers{3, 0, 3, 3, 0, 3})) << "fix";
   std::vector<unsigned> accuracies;
@@ -228,6 +228,62 @@ TEST(SolutionStatus, OfNovAtel) {
   Sample levelled = navigating(over_jena(), Solution::State::levelled, {});
   levelled.navigation = {};
   EXPECT_EQ(little_endian(message_in_phases("novatel-raw", "INSPVAS", {levelled}).at(0), 12 + 84, 4), is_aligning);
+}
+
+// Raw data of the receiver: the same with and without a filter, wherever the filter is; nothing without a fix.
+TEST(SolutionStatus, TheReceiversOwnMessagesFollowItsFix) {
+  Sample known = over_jena(), elsewhere = aided(over_jena()), lost = over_jena(), poor = over_jena();
+  elsewhere.navigation.latitude += 0.1;
+  elsewhere.navigation.v_L.setZero();
+  lost.navigation = {};
+  poor.navigation.satellites = 4;
+  poor.navigation.accuracy_factor = 3;
+  struct Message {
+    const char *product, *name;
+    std::size_t from, to;                                // of what the receiver measures
+    std::size_t satellites, accuracy, bytes, per_metre;  // the accuracy along north, or the horizontal one; 0: none
+  };
+  for (const auto& [product, name, from, to, satellites, accuracy, bytes, per_metre] :
+       {Message{"mavlink-hil", "HIL_GPS", 18, 46, 45, 30, 2, 100},
+        Message{"novatel-raw", "BESTGNSSPOS", 28, 100, 92, 68, 4, 0},
+        Message{"novatel-raw", "BESTGNSSVEL", 28, 72, 0, 0, 0, 0}}) {
+    SCOPED_TRACE(name);
+    std::vector<std::vector<unsigned>> measured;
+    const auto frames = message_in_phases(
+        product, name, {known, aligning(known), elsewhere, coasting(known, 30, drifted), lost, poor});
+    for (const std::vector<unsigned>& frame : frames)
+      measured.emplace_back(frame.begin() + static_cast<std::ptrdiff_t>(from),
+                            frame.begin() + static_cast<std::ptrdiff_t>(to));
+    EXPECT_EQ(measured.at(1), measured.at(0)) << "aligning";
+    EXPECT_EQ(measured.at(2), measured.at(0)) << "the filter is elsewhere";
+    EXPECT_NE(measured.at(3), measured.at(0)) << "without a fix";
+    EXPECT_EQ(measured.at(4), measured.at(3)) << "without a fix and a filter";
+    if (satellites == 0) continue;
+    EXPECT_EQ(frames[0].at(satellites), 9U);
+    EXPECT_EQ(frames[3].at(satellites), 0U);
+    EXPECT_EQ(frames[5].at(satellites), 4U);
+    const auto metres = [&](const std::vector<unsigned>& frame) {
+      const unsigned number = little_endian(frame, accuracy, bytes);
+      return per_metre == 0 ? double{std::bit_cast<float>(number)} : number / static_cast<double>(per_metre);
+    };
+    const double north = per_metre == 0 ? 0.85 : 1.2;  // the horizontal accuracy is 0.85 sqrt(2)
+    EXPECT_NEAR(metres(frames[0]), north, 0.005);
+    EXPECT_NEAR(metres(frames[5]), 3 * north, 0.02);
+  }
+}
+
+// The accuracies that a unit reports are those of its own errors.
+TEST(SolutionStatus, AccuraciesAreTheReceiversOwn) {
+  Line line(protocol_named("frame"), frame_settings(read_frames("mavlink-hil")));
+  OwnFigures figures;
+  figures.position = {3, 4, 7};
+  line.device->set_figures(figures);
+  std::vector<unsigned> bytes;
+  for (const std::byte byte : bytes_of(line, over_jena())) bytes.push_back(std::to_integer<unsigned>(byte));
+  const std::size_t gps = bytes.size() - 48;  // HIL_GPS is the last message
+  EXPECT_EQ(bytes.at(gps + 7), 0x71U);
+  EXPECT_EQ(little_endian(bytes, gps + 30, 2), 500U) << "cm, horizontal";
+  EXPECT_EQ(little_endian(bytes, gps + 32, 2), 700U) << "cm, vertical";
 }
 
 TEST(SolutionStatus, OfXsens) {

@@ -132,6 +132,8 @@ TEST(ShippedFrames, SettingsSelectFurtherMessages) {
         {"hg4930", "CONTROL_STATUS=version", 5 * 20 + 44, 5 * 20 + 44},
         {"anpp", "SYSTEM_STATE_HZ=1", 6 * 53, 6 * 53 + 105},
         {"novatel-raw", "INSPVAS_HZ=1", 6 * 56, 6 * 56 + 104},
+        {"novatel-raw", "BESTGNSSPOS_HZ=1", 6 * 56, 6 * 56 + 104},
+        {"novatel-raw", "BESTGNSSVEL_HZ=1", 6 * 56, 6 * 56 + 76},
         {"um7", "GYRO_ALONE=on", 6 * (55 + 19 + 27) + 51, 6 * (55 + 19 + 27 + 19) + 51}}) {
     Settings settings = frame_settings(read_frames(name));
     Line delivered(protocol_named("frame"), settings);
