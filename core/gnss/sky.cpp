@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 
 #include "core/earth/earth.hpp"
 #include "core/numbers/elementary.hpp"
@@ -21,9 +22,21 @@ Sky::Sky(const GnssModel& model)
     : orbits_(model.almanac),
       sine_of_mask_(elementary::sincos(model.mask).sin),
       multipath_(model.multipath),
-      multipath_ns_(nanoseconds(model.multipath_s).count()),
-      satellites_E_(model.almanac.size()) {
+      multipath_ns_(nanoseconds(model.multipath_s).count()) {
+  satellites_.reserve(model.almanac.size());
   seen_.reserve(model.almanac.size());
+}
+
+void Sky::place_satellites(std::int64_t gps_ns) noexcept {
+  satellites_.clear();
+  const auto away = [gps_ns](const AlmanacOrbit& orbit) { return std::abs(gps_ns - orbit.reference_ns); };
+  for (auto orbit = orbits_.begin(); orbit != orbits_.end();) {
+    auto nearest = orbit;
+    const int prn = orbit->prn;
+    for (; orbit != orbits_.end() && orbit->prn == prn; ++orbit)
+      if (away(*orbit) < away(*nearest)) nearest = orbit;
+    if (nearest->is_healthy) satellites_.push_back({prn, satellite_E(*nearest, gps_ns)});
+  }
 }
 
 bool Sky::look(Navigation& navigation) noexcept {
@@ -31,15 +44,15 @@ bool Sky::look(Navigation& navigation) noexcept {
   gps_ns_ = navigation.gps_ns;
   if (const std::int64_t second = gps_ns_ / ns_per_s; second != second_) {
     second_ = second;
-    for (std::size_t i = 0; i < orbits_.size(); ++i) satellites_E_[i] = satellite_E(orbits_[i], second * ns_per_s);
+    place_satellites(second * ns_per_s);
   }
   const Matrix3 dcm_LE = dcm_EL(navigation.latitude, navigation.longitude).transpose();
   seen_.clear();
   double normal[unknowns][unknowns] = {};
-  for (std::size_t i = 0; i < orbits_.size(); ++i) {
-    const Vector3 line_L = (dcm_LE * (satellites_E_[i] - navigation.r_E)).normalized();
+  for (const Placed& satellite : satellites_) {
+    const Vector3 line_L = (dcm_LE * (satellite.r_E - navigation.r_E)).normalized();
     if (-line_L.z() < sine_of_mask_) continue;
-    seen_.push_back({orbits_[i].prn, line_L});
+    seen_.push_back({satellite.prn, line_L});
     const double row[unknowns] = {-line_L.x(), -line_L.y(), -line_L.z(), 1};
     for (int r = 0; r < unknowns; ++r)
       for (int c = 0; c <= r; ++c) normal[r][c] += row[r] * row[c];

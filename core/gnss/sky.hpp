@@ -13,8 +13,10 @@ namespace imud {
 
 // The sky and the search of a GNSS receiver. The default of every member switches its effect off.
 struct GnssModel {
-  std::vector<AlmanacOrbit> almanac;  // empty: the number of satellites is Navigation's, whatever place and time
-  double mask = 5 * units::degree;    // rad, 0 to below pi/2: the lowest elevation of a satellite that is used
+  // Empty: the number of satellites is Navigation's, whatever place and time. The orbits of a satellite, one after
+  // the other, hold each where it is the nearest in time.
+  std::vector<AlmanacOrbit> almanac;
+  double mask = 5 * units::degree;  // rad, 0 to below pi/2: the lowest elevation of a satellite that is used
   // The errors of ranges by reflections: m, standard deviation at the horizon, not negative. It falls with the
   // elevation E as exp(-E/10 deg). Each satellite has a constant one for `multipath_s`, above 0.
   double multipath = 0, multipath_s = 30;
@@ -47,6 +49,10 @@ class Sky {
   Vector3 displacement(const Normals& normals) const noexcept;
 
  private:
+  struct Placed {
+    int prn;
+    Vector3 r_E;  // m
+  };
   struct Seen {
     int prn;
     Vector3 line_L;  // unit, to the satellite
@@ -55,12 +61,15 @@ class Sky {
     double at[4][4];
   };
 
+  // Writes where the healthy satellites are.
+  void place_satellites(std::int64_t gps_ns) noexcept;
+
   std::vector<AlmanacOrbit> orbits_;
   double sine_of_mask_, multipath_;
   std::int64_t multipath_ns_;
-  std::int64_t second_ = -1;           // of satellites_E_
-  std::vector<Vector3> satellites_E_;  // m
-  std::vector<Seen> seen_;             // at the last look()
+  std::int64_t second_ = -1;        // of satellites_
+  std::vector<Placed> satellites_;  // the healthy ones
+  std::vector<Seen> seen_;          // at the last look()
   Root root_ = {};
   std::int64_t gps_ns_ = 0;
 };

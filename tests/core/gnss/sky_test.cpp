@@ -86,6 +86,32 @@ TEST(Sky, HasNoMemory) {
   }
 }
 
+// Of several orbits of a satellite the nearest in time holds, and hides it where it is not healthy.
+TEST(Sky, TheNearestOrbitHolds) {
+  constexpr std::int64_t hours_2 = 7'200'000'000'000;
+  GnssModel model = model_with_mask(5), of_two = model;
+  of_two.almanac.clear();
+  for (const AlmanacOrbit& orbit : model.almanac) {
+    AlmanacOrbit later = orbit;
+    later.reference_ns += hours_2;
+    later.mean_anomaly += 1;
+    later.is_healthy = orbit.prn % 2 == 0;
+    of_two.almanac.push_back(orbit);
+    of_two.almanac.push_back(later);
+  }
+  GnssModel of_later = model;
+  of_later.almanac.clear();
+  for (const AlmanacOrbit& orbit : of_two.almanac)
+    if (orbit.reference_ns != constellation_ns && orbit.is_healthy) of_later.almanac.push_back(orbit);
+  Sky sky(of_two), first(model), later(of_later);
+  for (const double time_s : {0.0, 3599.0, 3601.0, 9000.0}) {
+    Navigation place = place_under_sky(45, 0, 100, time_s), same = place;
+    ASSERT_TRUE(sky.look(place) && (time_s < 3600 ? first : later).look(same)) << time_s;
+    EXPECT_EQ(place.satellites, same.satellites);
+    EXPECT_EQ(place.dilution.geometric, same.dilution.geometric);
+  }
+}
+
 // Reflections: steps, each as one satellite's error changes; the more of the horizon is seen, the larger. The
 // standard deviation of each component is within 15 % of the one by the geometry (400 draws are 3.5 % each).
 TEST(Sky, ReflectionsDisplaceInSteps) {
