@@ -1,13 +1,18 @@
-// The reader of almanacs in the YUMA format, and the keys of a receiver.
+// The readers of almanacs in the YUMA format and of navigation files of RINEX, and the keys of a receiver.
 #include "emulator/ground/yuma_almanac.hpp"
 
 #include <gtest/gtest.h>
 
+#include <cstdint>
 #include <fstream>
+#include <initializer_list>
 #include <stdexcept>
 #include <string>
+#include <string_view>
+#include <vector>
 
 #include "emulator/config/load_config.hpp"
+#include "emulator/ground/rinex_navigation.hpp"
 #include "tests/core/gnss/yuma_text.hpp"
 #include "tests/support/text.hpp"
 #include "tests/transports/scratch_folder.hpp"
@@ -61,6 +66,109 @@ TEST(YumaAlmanac, AFaultHasALineAndARemedy) {
   EXPECT_EQ(why(text, "8.000000000000E-03", "nan"), "line 4: \"Eccentricity\": give a number from 0 to 0.1");
   const std::string unhealthy = yuma_lines(orbit_of(1), 63, constellation_week);
   EXPECT_NE(why(unhealthy, "", "").find("no satellite is healthy; give another almanac"), std::string::npos);
+}
+
+// Of test/data/rinex/brdc1820.10n of RTKLIB 71db0ff, the broadcast ephemerides of 2010-07-01: the header shortened,
+// and records of the satellites 1, which was not healthy, and 2.
+const std::string rinex_2 = R"(     2              NAVIGATION DATA                         RINEX VERSION / TYPE
+IGS BROADCAST EPHEMERIS FILE                                COMMENT
+                                                            END OF HEADER
+ 1 10  7  1  0  0  0.0-0.136290676892D-03-0.397903932026D-11 0.000000000000D+00
+    0.630000000000D+02-0.897500000000D+02 0.468055210664D-08-0.307674634178D+01
+   -0.476092100143D-05 0.483528291807D-02 0.545941293240D-05 0.515480139732D+04
+    0.345600000000D+06 0.558793544769D-08 0.292603518708D+01-0.931322574615D-07
+    0.965451250348D+00 0.278437500000D+03 0.884778937154D+00-0.813998192006D-08
+   -0.171792870148D-09 0.100000000000D+01 0.159000000000D+04 0.000000000000D+00
+    0.200000000000D+01 0.630000000000D+02-0.190921127796D-07 0.630000000000D+02
+    0.341670000000D+06 0.000000000000D+00 0.000000000000D+00 0.000000000000D+00
+ 2 10  7  1  0  0  0.0 0.269108917564D-03 0.318323145621D-11 0.000000000000D+00
+    0.850000000000D+02 0.414375000000D+02 0.525557597442D-08 0.165772167412D+01
+    0.232271850109D-05 0.960697804112D-02 0.617466866970D-05 0.515359739113D+04
+    0.345600000000D+06-0.558793544769D-08-0.127458719764D+01 0.167638063431D-06
+    0.939349150611D+00 0.249937500000D+03 0.309739903949D+01-0.838784952606D-08
+   -0.232152526369D-10 0.100000000000D+01 0.159000000000D+04 0.000000000000D+00
+    0.200000000000D+01 0.000000000000D+00-0.172294676304D-07 0.850000000000D+02
+    0.338418000000D+06 0.400000000000D+01 0.000000000000D+00 0.000000000000D+00
+ 2 10  7  1  2  0  0.0 0.269131734967D-03 0.318323145621D-11 0.000000000000D+00
+    0.101000000000D+03 0.347812500000D+02 0.519093035223D-08 0.270784133884D+01
+    0.178255140781D-05 0.960644008592D-02 0.656396150589D-05 0.515359962273D+04
+    0.352800000000D+06-0.217929482460D-06-0.127464812818D+01 0.577419996262D-07
+    0.939349870367D+00 0.243968750000D+03 0.309751168711D+01-0.824820034495D-08
+    0.120362150802D-09 0.100000000000D+01 0.159000000000D+04 0.000000000000D+00
+    0.200000000000D+01 0.000000000000D+00-0.172294676304D-07 0.101000000000D+03
+    0.345600000000D+06 0.000000000000D+00 0.000000000000D+00 0.000000000000D+00
+)";
+
+// Of georinex 95ef1d8, src/georinex/tests/data: the header shortened and two records of
+// BRDM00DLR_R_20130010000_01D_MN.rnx, the first of GLONASS, and one of demo_nav3.17n.
+const std::string rinex_3 = R"(     3.02           NAVIGATION DATA     M (Mixed)           RINEX VERSION / TYPE
+                                                            END OF HEADER
+R01 2013 01 01 00 15 00-1.750094816089e-04 0.000000000000e+00 1.728000000000e+05
+     8.450493652344e+03 1.381167411804e+00 0.000000000000e+00 0.000000000000e+00
+    -1.874471679688e+04-1.543292045593e+00 1.862645149231e-09 1.000000000000e+00
+     1.510979541016e+04-2.684219360352e+00-9.313225746155e-10 0.000000000000e+00
+G02 2013 01 01 02 00 00 4.132920876145e-04 1.364242052659e-12 0.000000000000e+00
+     3.200000000000e+01 3.281250000000e+01 4.757698177226e-09-2.745614259615e+00
+     1.627951860428e-06 1.180972403381e-02 1.031160354614e-05 5.153588487625e+03
+     1.800000000000e+05-7.450580596924e-08 1.148030760249e+00-1.192092895508e-07
+     9.383943464054e-01 1.676875000000e+02-2.699199006919e+00-7.961403052965e-09
+     6.093110945385e-10 0.000000000000e+00 1.721000000000e+03 0.000000000000e+00
+     0.000000000000e+00 0.000000000000e+00-1.769512891769e-08 3.200000000000e+01
+     1.728000000000e+05
+G01 2017 11 17 00 00 00-1.082336530089D-05-2.387423592154D-12 0.000000000000D+00
+     2.600000000000D+01 4.312500000000D+01 4.455542601534D-09 2.261013945883D+00
+     2.192333340645D-06 7.114754174836D-03 7.407739758492D-06 5.153672552109D+03
+     4.320000000000D+05-9.126961231232D-08 7.577775093435D-01-7.450580596924D-08
+     9.691207199508D-01 2.407187500000D+02 6.318014759246D-01-7.981403982171D-09
+     5.718095441587D-10 1.000000000000D+00 1.975000000000D+03 0.000000000000D+00
+     2.000000000000D+00 0.000000000000D+00 5.587935447693D-09 2.600000000000D+01
+     4.247400000000D+05
+)";
+
+// By NumPy, which rotates the perifocal vector by matrices and solves Kepler's equation by Newton's method; eph2pos()
+// of RTKLIB 71db0ff gives the same to 0.1 mm.
+TEST(RinexNavigation, PositionsAreThoseOfOtherImplementations) {
+  struct Known {
+    double after_s;
+    Vector3 r_E;
+  };
+  const auto expect = [](const AlmanacOrbit& orbit, std::initializer_list<Known> all, double within) {
+    for (const Known& known : all)
+      EXPECT_LT((satellite_E(orbit, orbit.reference_ns + static_cast<std::int64_t>(1e9 * known.after_s)) - known.r_E)
+                    .norm(),
+                within)
+          << orbit.prn << ' ' << known.after_s;
+  };
+  ASSERT_TRUE(is_rinex(rinex_2) && is_rinex(rinex_3));
+  const std::vector<AlmanacOrbit> two = rinex_navigation(rinex_2), three = rinex_navigation(rinex_3);
+  ASSERT_EQ(two.size(), 2U);  // both of the satellite 2
+  ASSERT_EQ(three.size(), 2U);
+  EXPECT_EQ(two[0].prn, 2);
+  EXPECT_EQ(two[0].reference_ns, 1590 * gps_week_ns + 345'600'000'000'000);
+  EXPECT_EQ(two[1].reference_ns, 1590 * gps_week_ns + 352'800'000'000'000);
+  EXPECT_EQ(three[0].reference_ns, 1975 * gps_week_ns + 432'000'000'000'000);
+  EXPECT_EQ(three[1].reference_ns, 1721 * gps_week_ns + 180'000'000'000'000);
+  constexpr double rounding = 1e-3;
+  expect(two[0],
+         {{0, {-14889160.5615, -5131952.9655, -21416801.5943}},
+          {3600, {-13666506.8459, -14242200.4258, -17991254.0044}},
+          {-7200, {-21289271.2414, 10372904.8250, -11556186.6902}}},
+         rounding);
+  expect(two[1], {{0, {-13852364.2154, -20737426.0457, -9790994.2500}}}, rounding);
+  expect(
+      three[0],
+      {{0, {-22511073.6954, -13352858.1883, 5182957.2049}}, {3600, {-21895186.0691, -14074445.9688, -6117616.6582}}},
+      rounding);
+  expect(three[1],
+         {{0, {8582452.4809, 19801795.9188, 15972536.5574}}, {3600, {741281.6285, 16518068.5251, 21029546.2811}}},
+         rounding);
+  // The final orbits of the International GNSS Service for that day, test/data/sp3/igs15904.sp3 there: ephemerides
+  // are good to 2 m.
+  constexpr double broadcast = 2;
+  expect(two[0],
+         {{0, {-14889160.729, -5131952.946, -21416801.336}}, {3600, {-13666506.657, -14242199.755, -17991254.551}}},
+         broadcast);
+  expect(two[1], {{0, {-13852363.356, -20737426.203, -9790994.987}}}, broadcast);
 }
 
 class ReceiverKeysTest : public testing::Test {
