@@ -1,4 +1,6 @@
 // The errors of barometers and navigation solutions in a configuration.
+#include <algorithm>
+#include <cstdint>
 #include <cstdlib>
 #include <optional>
 #include <stdexcept>
@@ -10,6 +12,7 @@
 #include "core/navigation/navigator.hpp"
 #include "core/units.hpp"
 #include "emulator/config/config_parts.hpp"
+#include "emulator/ground/rinex_navigation.hpp"
 #include "emulator/ground/text_file.hpp"
 #include "emulator/ground/yuma_almanac.hpp"
 
@@ -183,16 +186,21 @@ void read_navigator(TableReader& table, const TruthConfig& truth, ImuConfig& imu
 // The age above which an almanac is probably not the intended almanac; chosen.
 constexpr std::int64_t oldest_weeks = 13;
 
-void read_almanac(TableReader& table, const std::string& path, const TruthConfig& truth, GnssModel& gnss) {
+void read_almanac(TableReader& table, const std::string& path, std::int64_t start_ns, GnssModel& gnss) {
   try {
-    gnss.almanac = yuma_almanac(read_whole(path), truth.earth.start_gps_ns);
+    const std::string text = read_whole(path);
+    gnss.almanac = is_rinex(text) ? rinex_navigation(text) : yuma_almanac(text, start_ns);
   } catch (const std::system_error& error) {
     return table.fault("gnss_almanac", fmt::format("{}: cannot be read: {}", path, error.code().message()));
   } catch (const std::runtime_error& error) {
     return table.fault("gnss_almanac", fmt::format("{}: {}", path, error.what()));
   }
+  const auto is_near = [start_ns](const AlmanacOrbit& orbit) {
+    return std::abs(orbit.reference_ns - start_ns) <= oldest_weeks * gps_week_ns;
+  };
   for (const AlmanacOrbit& orbit : gnss.almanac)
-    if (std::abs(orbit.reference_ns - truth.earth.start_gps_ns) > oldest_weeks * gps_week_ns)
+    if (std::ranges::none_of(gnss.almanac,
+                             [&](const AlmanacOrbit& other) { return other.prn == orbit.prn && is_near(other); }))
       return table.warn("gnss_almanac",
                         fmt::format("its satellite {} is of a date more than {} weeks from earth.start; "
                                     "give another almanac, or another start",
@@ -201,7 +209,7 @@ void read_almanac(TableReader& table, const std::string& path, const TruthConfig
 
 void read_receiver(TableReader& table, const TruthConfig& truth, GnssModel& gnss) {
   const std::string path = file_named(table, "gnss_almanac", table.text("gnss_almanac", ""));
-  if (!path.empty()) read_almanac(table, path, truth, gnss);
+  if (!path.empty()) read_almanac(table, path, truth.earth.start_gps_ns, gnss);
   const auto of_almanac = [&](const char* key, double initial, double min, double max) {
     if (path.empty() && !table.has(key)) return initial;
     const double value = table.real(key, initial, min, max);

@@ -117,7 +117,8 @@ std::vector<AlmanacOrbit> yuma_almanac(const std::string& text, std::int64_t nea
     read.reset();
   }
   if (read.any()) throw fault("the last satellite lacks lines");
-  if (satellites.none()) throw fault("there is no satellite; give an almanac in the YUMA format");
+  if (satellites.none())
+    throw fault("there is no satellite; give an almanac in the YUMA format, or a navigation file in RINEX 2 or 3");
   if (orbits.empty()) throw fault("no satellite is healthy; give another almanac");
   return orbits;
 }

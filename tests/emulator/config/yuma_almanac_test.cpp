@@ -53,10 +53,13 @@ TEST(YumaAlmanac, AFaultHasALineAndARemedy) {
     }
     return std::string("none");
   };
-  const std::string text = yuma_text();
+  const std::string text = yuma_text(),
+                    none =
+                        "there is no satellite; give an almanac in the YUMA format, or a navigation file in RINEX "
+                        "2 or 3";
   EXPECT_EQ(why(text, "", ""), "none");
-  EXPECT_EQ(why("", "", ""), "line 0: there is no satellite; give an almanac in the YUMA format");
-  EXPECT_EQ(why("hello\n", "", ""), "line 1: there is no satellite; give an almanac in the YUMA format");
+  EXPECT_EQ(why("", "", ""), "line 0: " + none);
+  EXPECT_EQ(why("hello\n", "", ""), "line 1: " + none);
   EXPECT_EQ(why(text, "5153.55", "4.5"), "line 8: \"SQRT(A)  (m 1/2)\": give a number from 2000 to 10000");
   EXPECT_EQ(why(text, "week:                        2400\r\n\r\n", ""),
             "line 15: \"ID\" is not where the 13 lines of a satellite have it");
@@ -171,6 +174,91 @@ TEST(RinexNavigation, PositionsAreThoseOfOtherImplementations) {
   expect(two[1], {{0, {-13852363.356, -20737426.203, -9790994.987}}}, broadcast);
 }
 
+std::string changed(std::string text, const std::string& from, const std::string& to) {
+  return text.replace(text.find(from), from.size(), to);
+}
+
+std::string why_not_rinex(const std::string& text) {
+  try {
+    rinex_navigation(text);
+  } catch (const std::runtime_error& error) {
+    return error.what();
+  }
+  return "none";
+}
+
+TEST(RinexNavigation, WritersDifferInExponentsLineEndsAndWeeks) {
+  for (const char* week : {"0.566000000000E+03", "0.159100000000d+04", "1590.0            "}) {
+    std::string text = changed(rinex_2, "0.159000000000D+04", week);
+    for (std::size_t at = 0; (at = text.find('\n', at)) != text.npos; at += 2) text.insert(at, "\r");
+    EXPECT_EQ(rinex_navigation(text + "\r\n").size(), 2U) << week;
+  }
+  // Without the columns that nobody reads.
+  EXPECT_EQ(rinex_navigation(rinex_2.substr(0, rinex_2.rfind("    0.345600000000D+06") + 4)).size(), 2U);
+  // A satellite whose second ephemeris is not healthy keeps the first.
+  const std::vector<AlmanacOrbit> orbits = rinex_navigation(
+      changed(rinex_2, "0.000000000000D+00-0.172294676304D-07 0.101", "0.100000000000D+01-0.172294676304D-07 0.101"));
+  ASSERT_EQ(orbits.size(), 2U);
+  EXPECT_TRUE(orbits[0].is_healthy && !orbits[1].is_healthy);
+}
+
+TEST(RinexNavigation, AFaultHasALineAndARemedy) {
+  EXPECT_EQ(why_not_rinex(rinex_2), "none");
+  EXPECT_EQ(why_not_rinex(changed(rinex_2, "     2 ", "     4 ")),
+            "line 1: the version \"4\" is not read; give a file of RINEX 2 or 3");
+  EXPECT_EQ(why_not_rinex(changed(rinex_2, "NAVIGATION DATA ", "OBSERVATION DATA")),
+            "line 1: a file of the type \"O\" has no ephemerides of GPS; give a navigation file, of the type \"N\"");
+  EXPECT_EQ(why_not_rinex(changed(rinex_2, "END OF HEADER", "end of header")),
+            "line 27: the header has no end; give a line \"END OF HEADER\" in column 61");
+  EXPECT_EQ(why_not_rinex(changed(rinex_2, "\n 2 10", "\n77 10")),
+            "line 12: give the number of a satellite, from 1 to 63, in columns 1 and 2");
+  EXPECT_EQ(why_not_rinex(changed(rinex_2, " 2 10  7  1", " 2 10  6 31")),
+            "line 12: give year, month, day, hour, minute and second, from 1981 to 2099, in columns 4 to 22");
+  EXPECT_EQ(why_not_rinex(changed(rinex_2, "0.515480139732D+04", "0.515480139732D+02")),
+            "line 6: sqrt(A), columns 61 to 79: give a number from 2000 to 10000");
+  EXPECT_EQ(why_not_rinex(changed(rinex_2, "0.159000000000D+04", "0.158000000000D+04")),
+            "line 11: the record of satellite 1 has the week 1580; give 1590, the one of its epoch");
+  EXPECT_NE(why_not_rinex(changed(rinex_2, "0.159000000000D+04", "0.159200000000D+04")), "none");
+  EXPECT_EQ(why_not_rinex(changed(rinex_2, "    0.341670000000D+06", " 2  0.341670000000D+06")),
+            "line 10: the record of satellite 1 ends here; give 7 lines after its first, which begin with 3 blanks");
+  EXPECT_EQ(why_not_rinex(changed(rinex_3, "G02", "#02")),
+            "line 7: give a record, whose first column is the letter of its system, G for GPS");
+  EXPECT_EQ(why_not_rinex(rinex_3.substr(0, rinex_3.find("G02"))),
+            "line 6: there is no satellite of GPS; give a file with records of GPS");
+  EXPECT_EQ(why_not_rinex(rinex_2.substr(0, rinex_2.find("\n 2 10") + 1)),
+            "line 11: no satellite is healthy; give another file");
+}
+
+// Any byte, and any end, is an error with a line or gives orbits that can be used.
+TEST(RinexNavigation, AnyByteMayBeWrong) {
+  int refused = 0, read = 0;
+  const auto expect_sound = [&](const std::string& text) {
+    if (!is_rinex(text)) return;
+    try {
+      for (const AlmanacOrbit& orbit : rinex_navigation(text)) {
+        const double distance = satellite_E(orbit, orbit.reference_ns + gps_week_ns).norm();
+        ASSERT_TRUE(distance > 3.5e6 && distance < 1.2e8) << distance;
+        ASSERT_TRUE(orbit.prn >= 1 && orbit.prn <= 63);
+      }
+      ++read;
+    } catch (const std::runtime_error& error) {
+      ASSERT_EQ(std::string_view(error.what()).substr(0, 5), "line ");
+      ++refused;
+    }
+  };
+  for (const std::string* text : {&rinex_2, &rinex_3})
+    for (std::size_t at = 0; at < text->size(); ++at) {
+      for (const char byte : {'\0', '\n', ' ', '9', '-', 'D', 'G', '\xff'}) {
+        std::string wrong = *text;
+        wrong[at] = byte;
+        expect_sound(wrong);
+      }
+      expect_sound(text->substr(0, at));
+    }
+  EXPECT_GT(refused, 1000);
+  EXPECT_GT(read, 1000);
+}
+
 class ReceiverKeysTest : public testing::Test {
  protected:
   // Returns the warnings, or the faults, of a configuration with these keys of the navigation.
@@ -205,6 +293,15 @@ TEST_F(ReceiverKeysTest, AreChecked) {
   EXPECT_TRUE(contains(said_of("gnss_almanac = \"none.yuma\"\n"), "none.yuma: cannot be read"));
   EXPECT_TRUE(contains(said_of("gnss_mask_deg = 10\n"), "gnss_mask_deg: needs gnss_almanac"));
   EXPECT_TRUE(contains(said_of("gnss_multipath_m = 3\n"), "gnss_multipath_m: needs gnss_almanac"));
+  const std::string rinex = "gnss_almanac = \"mine.rnx\"\n", of_2017 = "2017-11-17T00:30:00Z";
+  std::ofstream(folder_ / "mine.rnx") << rinex_3;
+  EXPECT_TRUE(contains(said_of(rinex, of_2017), "its satellite 2 is of a date more than 13 weeks from earth.start"));
+  const std::size_t of_2013 = rinex_3.find("G02");
+  std::ofstream(folder_ / "mine.rnx") << std::string(rinex_3).erase(of_2013, rinex_3.find("G01") - of_2013);
+  EXPECT_EQ(said_of(rinex, of_2017), "");
+  EXPECT_TRUE(contains(said_of(rinex), "its satellite 1 is of a date more than 13 weeks"));
+  std::ofstream(folder_ / "mine.rnx") << changed(rinex_2, "D+04", "?+04");
+  EXPECT_TRUE(contains(said_of(rinex), "mine.rnx: line 6: sqrt(A), columns 61 to 79: give a number from 2000"));
   std::ofstream(folder_ / "mine.yuma") << yuma_text().substr(0, 300);
   EXPECT_TRUE(contains(said_of(almanac), "mine.yuma: line 8: the last satellite lacks lines"));
 }
