@@ -141,7 +141,7 @@ void Navigator::use_height(const Sample& sample, const At& at) noexcept {
   height.error = height_error_;
   filter_.propagate();
   if (heights_rejected_s_ > model_.accept_after_s) {  // the barometer's offset has changed
-    const double beyond = height.innovation[0] - filter_.aid_errors()[height_error_];
+    const double beyond = height.innovation[0] - filter_.added().estimates[height_error_];
     filter_.add_aid_variance(height_error_, beyond * beyond);
   }
   if (use(aid::pressure, height)) {
@@ -166,9 +166,8 @@ bool Navigator::is_slow(const Navigation& here, const Navigation& fix) const noe
 
 void Navigator::use_rest(const Sample& sample, const At& at, double dt) noexcept {
   const Vector3 g_N = gravitation_N(filter_.gravitation(), filter_.motion().r_N);
-  const std::optional<bool> is_at_rest =
-      rest_detector_.add(sample.delta_angle - dt * filter_.gyro_bias_P(),
-                         sample.delta_velocity - dt * filter_.accelerometer_bias_P(), dt, g_N.norm());
+  const auto step = filter_.corrected(sample.delta_angle, sample.delta_velocity, dt);
+  const std::optional<bool> is_at_rest = rest_detector_.add(step.delta_angle, step.delta_velocity, dt, g_N.norm());
   if (!is_at_rest) return;
   forget(aid::zero_velocity);
   Navigation here = place(at);

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
+#include <type_traits>
 
 #include "core/navigation/covariance_update.hpp"
 #include "core/numbers/elementary.hpp"
@@ -23,9 +25,9 @@ struct Transition {
   double r_v;
 
   // Replaces P by the transition matrix times P.
-  template <int Columns>
-  void apply(Eigen::Matrix<double, InertialFilter::states, Columns>& P) const {
-    using Rows = Eigen::Matrix<double, 3, Columns>;
+  template <class Matrix>
+  void apply(Matrix&& P) const {
+    using Rows = Eigen::Matrix<double, 3, std::remove_reference_t<Matrix>::ColsAtCompileTime>;
     const Rows phi = P.template middleRows<3>(InertialFilter::phi),
                v = P.template middleRows<3>(InertialFilter::velocity),
                r = P.template middleRows<3>(InertialFilter::position),
@@ -38,6 +40,31 @@ struct Transition {
     P.template middleRows<3>(InertialFilter::position) = same.lazyProduct(r) + r_v * v + r_phi.lazyProduct(phi) +
                                                          r_gyro.lazyProduct(gyro) +
                                                          r_accelerometer.lazyProduct(accelerometer);
+  }
+};
+
+// The blocks by which the scale factors act on the states.
+struct ScaleTransition {
+  Matrix3 phi_gyro, v_gyro, v_accelerometer, r_gyro, r_accelerometer;
+
+  // `turns`, `velocities`: the integrals of C diag(w) and C diag(f) over t.
+  ScaleTransition(const Matrix3& turns, const Matrix3& velocities, const Matrix3& force, double t)
+      : phi_gyro(-turns),
+        v_gyro(0.5 * force * turns),
+        v_accelerometer(-velocities),
+        r_gyro((t / 6.0) * force * turns),
+        r_accelerometer((-0.5 * t) * velocities) {}
+
+  // Adds these blocks times the rows `S` of the scale factors to the rows `P` of the states.
+  template <int Columns>
+  void add(Eigen::Matrix<double, InertialFilter::states, Columns>& P,
+           const Eigen::Matrix<double, InertialFilter::scale_factors, Columns>& S) const {
+    const auto gyro = S.template topRows<3>(), accelerometer = S.template bottomRows<3>();
+    P.template middleRows<3>(InertialFilter::phi) += phi_gyro.lazyProduct(gyro);
+    P.template middleRows<3>(InertialFilter::velocity) +=
+        v_gyro.lazyProduct(gyro) + v_accelerometer.lazyProduct(accelerometer);
+    P.template middleRows<3>(InertialFilter::position) +=
+        r_gyro.lazyProduct(gyro) + r_accelerometer.lazyProduct(accelerometer);
   }
 };
 
@@ -55,8 +82,30 @@ InertialFilter::InertialFilter(const GravitationModel& gravitation, const Increm
                                const InertialNoise& noise, std::span<const AidError> aid_errors) noexcept
     : strapdown_(gravitation, definitions),
       noise_(noise),
-      aid_count_(std::min(static_cast<int>(aid_errors.size()), most_aid_errors)) {
-  std::copy_n(aid_errors.begin(), aid_count_, aids_.begin());
+      aid_count_(std::min(static_cast<int>(aid_errors.size()), most_aid_errors)),
+      added_count_(aid_count_) {
+  std::copy_n(aid_errors.begin(), aid_count_, models_.begin());
+}
+
+void InertialFilter::estimate_scale_factors(const ScaleSigmas& sigmas) noexcept {
+  if (sigmas == scale_sigmas_) return;
+  propagate();
+  added_count_ = aid_count_ + (sigmas == ScaleSigmas{} ? 0 : scale_factors);
+  if (sigmas.gyro != scale_sigmas_.gyro) set_scale_factors(aid_count_, sigmas.gyro);
+  if (sigmas.accelerometer != scale_sigmas_.accelerometer) set_scale_factors(aid_count_ + 3, sigmas.accelerometer);
+  scale_sigmas_ = sigmas;
+}
+
+void InertialFilter::set_scale_factors(int first, double sigma) noexcept {
+  for (int i = first; i < first + 3; ++i) {
+    const double variance = sigma * sigma;
+    models_[static_cast<std::size_t>(i)] = {variance, 0, scale_growth * variance};
+    e_[i] = 0;
+    C_.col(i).setZero();
+    D_.row(i).setZero();
+    D_.col(i).setZero();
+    D_(i, i) = variance;
+  }
 }
 
 void InertialFilter::begin(const InertialState& state, const Vector3& gyro_bias_P,
@@ -68,10 +117,12 @@ void InertialFilter::begin(const InertialState& state, const Vector3& gyro_bias_
   e_.setZero();
   C_.setZero();
   D_.setZero();
-  for (int i = 0; i < aid_count_; ++i) D_(i, i) = aids_[static_cast<std::size_t>(i)].variance;
+  for (int i = 0; i < added_count_; ++i) D_(i, i) = models_[static_cast<std::size_t>(i)].variance;
   time_s_ = turns2_s_ = 0;
   rotation_s_.setZero();
   dv_N_.setZero();
+  turns_.setZero();
+  velocities_.setZero();
 }
 
 // The vector is measured less its noise, so that its error, true less estimated, has the error of the aid with the
@@ -83,8 +134,15 @@ void InertialFilter::begin_by(int first, const Matrix3& axes_N, int error) noexc
 
 void InertialFilter::advance(const Vector3& delta_angle, const Vector3& delta_velocity, double dt) noexcept {
   const Matrix3 before = strapdown_.state().q_NP.toRotationMatrix();
-  dv_N_ += strapdown_.advance(delta_angle - dt * gyro_bias_, delta_velocity - dt * accelerometer_bias_, dt);
-  rotation_s_ += (0.5 * dt) * (before + strapdown_.state().q_NP.toRotationMatrix());
+  const Step step = corrected(delta_angle, delta_velocity, dt);
+  dv_N_ += strapdown_.advance(step.delta_angle, step.delta_velocity, dt);
+  const Matrix3 after = strapdown_.state().q_NP.toRotationMatrix();
+  rotation_s_ += (0.5 * dt) * (before + after);
+  if (has_scale_factors()) {
+    const Matrix3 mean = 0.5 * (before + after);
+    turns_ += mean * step.delta_angle.asDiagonal();
+    velocities_ += mean * step.delta_velocity.asDiagonal();
+  }
   turns2_s_ += delta_angle.squaredNorm() / dt;
   time_s_ += dt;
   constexpr double rounding_s = 1e-6;
@@ -107,19 +165,31 @@ void InertialFilter::propagate() noexcept {
                                  .r_accelerometer = (-0.5 * t) * rotation_s_,
                                  .same = Matrix3::Identity() + (0.5 * t * t) * gradient,
                                  .r_v = t};
+  // With scale factors, x = F x + G s: P = (F P + G C^T) F^T + (F C + G D) G^T, and C = F C + G D.
+  std::optional<ScaleTransition> scale;
+  if (has_scale_factors()) scale.emplace(turns_, velocities_, force, t);
   transition.apply(P_);
+  if (scale) scale->add<states>(P_, C_.middleCols<scale_factors>(aid_count_).transpose());
   P_.transposeInPlace();
   transition.apply(P_);
-  if (aid_count_ > 0) {
+  if (scale) {
     transition.apply(C_);
-    decay_aid_errors(t);
+    scale->add<most_added>(C_, D_.middleRows<scale_factors>(aid_count_));
+    scale->add<states>(P_, C_.middleCols<scale_factors>(aid_count_).transpose());
+    turns_.setZero();
+    velocities_.setZero();
+  } else if (added_count_ > 0) {
+    transition.apply(C_.leftCols<most_aid_errors>());
   }
+  if (added_count_ > 0) propagate_added(t);
   constexpr double manoeuvre_s = InertialNoise::manoeuvre_s;
   const double manoeuvre2_s = (dv_N_ + t * g_N).squaredNorm() / t;  // the integral of the squared acceleration
-  const double angle = square(noise_.gyro) * t + manoeuvre_s * (square(noise_.gyro_scale) * turns2_s_ +
-                                                                square(noise_.g_sensitivity) * manoeuvre2_s),
-               dv =
-                   square(noise_.accelerometer) * t + manoeuvre_s * square(noise_.accelerometer_scale) * manoeuvre2_s;
+  const double gyro_scale = scale_sigmas_.gyro > 0 ? noise_.gyro_misalignment : noise_.gyro_scale,
+               accelerometer_scale =
+                   scale_sigmas_.accelerometer > 0 ? noise_.accelerometer_misalignment : noise_.accelerometer_scale;
+  const double angle = square(noise_.gyro) * t +
+                       manoeuvre_s * (square(gyro_scale) * turns2_s_ + square(noise_.g_sensitivity) * manoeuvre2_s),
+               dv = square(noise_.accelerometer) * t + manoeuvre_s * square(accelerometer_scale) * manoeuvre2_s;
   const Matrix3 v_phi = (-0.5 * angle) * force;
   P_.block<3, 3>(velocity, phi) += v_phi;
   P_.block<3, 3>(phi, velocity) += v_phi.transpose();
@@ -139,17 +209,19 @@ void InertialFilter::propagate() noexcept {
   dv_N_.setZero();
 }
 
-void InertialFilter::decay_aid_errors(double t) noexcept {
-  for (int i = 0; i < aid_count_; ++i) {
-    const AidError& aid = aids_[static_cast<std::size_t>(i)];
-    double added = aid.growth * t;
-    if (aid.rate > 0) {
-      const double left = elementary::exp(-t * aid.rate);
-      added = 0.5 * aid.growth / aid.rate * (1 - left * left);
+void InertialFilter::propagate_added(double t) noexcept {
+  for (int i = 0; i < added_count_; ++i) {
+    const AidError& model = models_[static_cast<std::size_t>(i)];
+    double added = model.growth * t;
+    if (model.rate > 0) {
+      const double left = elementary::exp(-t * model.rate);
+      added = 0.5 * model.growth / model.rate * (1 - left * left);
       e_[i] *= left;
       C_.col(i) *= left;
-      D_.row(i) *= left;
-      D_.col(i) *= left;
+      for (int j = 0; j < added_count_; ++j) {
+        D_(i, j) *= left;
+        D_(j, i) *= left;
+      }
     }
     D_(i, i) += added;
   }
@@ -187,7 +259,7 @@ double InertialFilter::normalized_square(const Measurement& measurement) const n
 
 void InertialFilter::update(const Measurement& measurement) noexcept {
   State change = State::Zero();
-  AidErrors aid_change = AidErrors::Zero();
+  Added added_change = Added::Zero();
   for (int i = 0; i < measurement.rows; ++i) {
     const bool has_error = measurement.error >= 0;
     const int error = has_error ? measurement.error + i : -1;
@@ -196,39 +268,39 @@ void InertialFilter::update(const Measurement& measurement) noexcept {
                 .axis_N = measurement.axes_N.row(i).transpose(),
                 .innovation = has_error ? measurement.innovation[i] - e_[error] : measurement.innovation[i],
                 .variance = measurement.variance[i]},
-               change, aid_change);
+               change, added_change);
   }
   strapdown_.correct(change.segment<3>(phi), change.segment<3>(velocity), change.segment<3>(position));
   gyro_bias_ += change.segment<3>(gyro_bias);
   accelerometer_bias_ += change.segment<3>(accelerometer_bias);
-  e_ += aid_change;
+  e_ += added_change;
 }
 
-// correct() for the states and the aids' errors together.
-void InertialFilter::update_row(const Row& row, State& change, AidErrors& aid_change) noexcept {
+// correct() for the states and the added ones together.
+void InertialFilter::update_row(const Row& row, State& change, Added& added_change) noexcept {
   const Vector3& axis_N = row.axis_N;
   const int first = row.first;
   State Ph = times_axis(P_, first, axis_N);
   if (row.error >= 0) Ph += C_.col(row.error);
   const auto along = [&](const State& x) { return along_axis(x, first, axis_N); };
-  AidErrors Dh = AidErrors::Zero();  // of the aids' errors, as Ph of the states
-  for (int i = 0; i < aid_count_; ++i) {
+  Added Dh = Added::Zero();  // of the added states, as Ph of the states
+  for (int i = 0; i < added_count_; ++i) {
     Dh[i] = along(C_.col(i));
     if (row.error >= 0) Dh[i] += D_(i, row.error);
   }
   double s = along(Ph) + row.variance, innovation = row.innovation - along(change);
   if (row.error >= 0) {
     s += Dh[row.error];
-    innovation -= aid_change[row.error];
+    innovation -= added_change[row.error];
   }
   const State k = correct(P_, Ph, s);
   change += k * innovation;
-  for (int j = 0; j < aid_count_; ++j) {
-    const double of_aid = Dh[j] / s;
-    for (int i = 0; i < states; ++i) C_(i, j) += s * (k[i] * of_aid) - k[i] * Dh[j] - Ph[i] * of_aid;
+  for (int j = 0; j < added_count_; ++j) {
+    const double gain = Dh[j] / s;
+    for (int i = 0; i < states; ++i) C_(i, j) += s * (k[i] * gain) - k[i] * Dh[j] - Ph[i] * gain;
     for (int i = 0; i <= j; ++i)
-      D_(i, j) = D_(j, i) = D_(i, j) - Dh[i] / s * Dh[j] - Dh[i] * of_aid + s * (Dh[i] / s * of_aid);
-    aid_change[j] += of_aid * innovation;
+      D_(i, j) = D_(j, i) = D_(i, j) - Dh[i] / s * Dh[j] - Dh[i] * gain + s * (Dh[i] / s * gain);
+    added_change[j] += gain * innovation;
   }
 }
 

@@ -1,4 +1,4 @@
-// InertialFilter: an error-state Kalman filter of a strapdown navigator, of 15 states.
+// InertialFilter: an error-state Kalman filter of a strapdown navigator, of 15 states, or of 21.
 #pragma once
 
 #include <Eigen/Core>
@@ -27,17 +27,25 @@ namespace imud {
 //
 //   e' = -e/T + w, of the variance s^2; or e' = w, a random walk
 //
-// Without such errors nothing of this is computed.
+// The scale factors 1 + s of gyros and accelerometers may be estimated beside the states as well. The increments are
+// corrected as (measured - b dt)/(1 + s), and the errors of s act as the ones of the biases do, times the rate w or
+// the force f (i2Nav-WHU, KF-GINS 6b44ae7, gi_engine.cpp, imuCompensate() and insPropagation()):
+//
+//   phi' = ... - C diag(w) s_g    v' = ... - C diag(f) s_a    s' = w_s
+//
+// by the integrals of C diag(w) and C diag(f). Without such errors and scale factors nothing of this is computed.
 class InertialFilter {
  public:
   static constexpr int phi = 0, velocity = 3, position = 6, gyro_bias = 9, accelerometer_bias = 12, states = 15;
-  static constexpr int most_aid_errors = 7;
+  static constexpr int most_aid_errors = 7, scale_factors = 6, most_added = most_aid_errors + scale_factors;
   static constexpr double covariance_period_s = 0.02;
   using Covariance = Eigen::Matrix<double, states, states>;
   using State = Eigen::Matrix<double, states, 1>;
-  using AidErrors = Eigen::Matrix<double, most_aid_errors, 1>;
-  using CrossCovariance = Eigen::Matrix<double, states, most_aid_errors>;
-  using AidCovariance = Eigen::Matrix<double, most_aid_errors, most_aid_errors>;
+  // The states that are added to these: the errors of the aids, then the scale factors if they are estimated, of the
+  // gyros and of the accelerometers. The rest is 0.
+  using Added = Eigen::Matrix<double, most_added, 1>;
+  using CrossCovariance = Eigen::Matrix<double, states, most_added>;
+  using AddedCovariance = Eigen::Matrix<double, most_added, most_added>;
 
   // An error of an aid, in the unit of its measurement.
   struct AidError {
@@ -50,6 +58,14 @@ class InertialFilter {
     static AidError walk(double sigma, double density) noexcept { return {sigma * sigma, 0, density * density}; }
   };
 
+  // Standard deviations of the scale factors at the begin; 0: they are not estimated. In an hour each variance grows
+  // by a hundredth of its first value (chosen), so that the estimates stay alive.
+  struct ScaleSigmas {
+    double gyro = 0, accelerometer = 0;
+    bool operator==(const ScaleSigmas&) const = default;
+  };
+  static constexpr double scale_growth = 0.01 / 3600;  // 1/s
+
   // `aid_errors`: most_aid_errors at most.
   InertialFilter(const GravitationModel& gravitation, const IncrementDefinitions& definitions,
                  const InertialNoise& noise, std::span<const AidError> aid_errors = {}) noexcept;
@@ -60,18 +76,36 @@ class InertialFilter {
   // The covariance at the end of the last step for which it was propagated; symmetric.
   const Covariance& covariance() const noexcept { return P_; }
   const GravitationModel& gravitation() const noexcept { return strapdown_.gravitation(); }
-  // The estimates of the aids' errors, their covariance, and the covariance of the states with them.
-  const AidErrors& aid_errors() const noexcept { return e_; }
-  const AidCovariance& aid_covariance() const noexcept { return D_; }
-  const CrossCovariance& cross_covariance() const noexcept { return C_; }
+  struct AddedStates {
+    const Added& estimates;
+    const AddedCovariance& covariance;
+    const CrossCovariance& cross_covariance;  // of the states with these
+    int first_scale_factor;                   // its number among these
+  };
+  AddedStates added() const noexcept { return {e_, D_, C_, aid_count_}; }
 
-  // Begins at a state and biases with that covariance. The aids' errors begin at 0, uncorrelated with all else.
+  // Estimates the scale factors from now on, beginning at 0 where they were not estimated before. Scale factors that
+  // are no longer estimated are forgotten; they count as noise in manoeuvres.
+  void estimate_scale_factors(const ScaleSigmas& sigmas) noexcept;
+  // Begins at a state and biases with that covariance. The added states begin at 0, uncorrelated with all else.
   void begin(const InertialState& state, const Vector3& gyro_bias_P, const Vector3& accelerometer_bias_P,
              const Covariance& covariance) noexcept;
   // Correlates the vector that begins at state `first` with the aids' errors number `error` to `error` + 2, along the
   // rows of `axes_N`. The vector must have been set by a measurement with these errors, and its covariance must
   // already contain their variance.
   void begin_by(int first, const Matrix3& axes_N, int error) noexcept;
+  struct Step {
+    Vector3 delta_angle, delta_velocity;
+  };
+  // Returns measured increments without the estimated errors of the sensors.
+  Step corrected(const Vector3& delta_angle, const Vector3& delta_velocity, double dt) const noexcept {
+    Step step = {delta_angle - dt * gyro_bias_, delta_velocity - dt * accelerometer_bias_};
+    if (has_scale_factors()) {
+      step.delta_angle.array() /= 1 + e_.segment<3>(aid_count_).array();
+      step.delta_velocity.array() /= 1 + e_.segment<3>(aid_count_ + 3).array();
+    }
+    return step;
+  }
   // Integrates the increments of one step of `dt` s, above 0.
   void advance(const Vector3& delta_angle, const Vector3& delta_velocity, double dt) noexcept;
   // Propagates the covariance to the present.
@@ -89,7 +123,7 @@ class InertialFilter {
   // Returns the square of the innovation in units of its covariance, which has a chi-square distribution of as many
   // degrees of freedom as rows where the filter is consistent. propagate() must have been called.
   double normalized_square(const Measurement& measurement) const noexcept;
-  // Corrects the state, and the aids' errors, by the measurement.
+  // Corrects the state, and the added states, by the measurement.
   void update(const Measurement& measurement) noexcept;
   // Turns the attitude about `axis_N`, a unit vector, by `angle`, rad, so that the attitude about this axis is set.
   // Its error about this axis has then the variance `variance`, rad^2, above 0, and no correlation with the other
@@ -110,23 +144,27 @@ class InertialFilter {
     Vector3 axis_N;
     double innovation, variance;
   };
-  void decay_aid_errors(double t) noexcept;
-  void update_row(const Row& row, State& change, AidErrors& aid_change) noexcept;
+  bool has_scale_factors() const noexcept { return added_count_ > aid_count_; }
+  void set_scale_factors(int first, double sigma) noexcept;
+  void propagate_added(double t) noexcept;
+  void update_row(const Row& row, State& change, Added& added_change) noexcept;
 
   Strapdown strapdown_;
   InertialNoise noise_;
   Vector3 gyro_bias_ = Vector3::Zero(), accelerometer_bias_ = Vector3::Zero();
   Covariance P_ = Covariance::Zero();
-  std::array<AidError, most_aid_errors> aids_{};
-  int aid_count_ = 0;  // of aids_ in use
-  AidErrors e_ = AidErrors::Zero();
+  std::array<AidError, most_added> models_{};  // of the added states
+  int aid_count_ = 0, added_count_ = 0;        // of models_ in use
+  ScaleSigmas scale_sigmas_;
+  Added e_ = Added::Zero();
   CrossCovariance C_ = CrossCovariance::Zero();
-  AidCovariance D_ = AidCovariance::Zero();
+  AddedCovariance D_ = AddedCovariance::Zero();
   // Sums since the last propagate():
   double time_s_ = 0;
-  Matrix3 rotation_s_ = Matrix3::Zero();  // the integral of C
-  Vector3 dv_N_ = Vector3::Zero();        // the integral of C f
-  double turns2_s_ = 0;                   // rad^2/s, the integral of the square of the rate
+  Matrix3 rotation_s_ = Matrix3::Zero();                            // the integral of C
+  Vector3 dv_N_ = Vector3::Zero();                                  // the integral of C f
+  double turns2_s_ = 0;                                             // rad^2/s, the integral of the square of the rate
+  Matrix3 turns_ = Matrix3::Zero(), velocities_ = Matrix3::Zero();  // the integrals of C diag(w) and C diag(f)
 };
 
 }  // namespace imud

@@ -18,6 +18,8 @@ struct InertialNoise {
   // rad/s/(m/s^2). In a manoeuvre these cause errors of the measured rates and forces. The filter treats these errors
   // as noise with the correlation time manoeuvre_s.
   double gyro_scale = 0, accelerometer_scale = 0, g_sensitivity = 0;
+  // The same of misalignments alone, for a filter that estimates the scale factors.
+  double gyro_misalignment = 0, accelerometer_misalignment = 0;
   static constexpr double manoeuvre_s = 5;  // chosen
 };
 

@@ -17,6 +17,8 @@ import numpy as np
 from flights import FLIGHTS, exponential, inverse, logarithm, product, turned
 
 STATES, ERRORS = 15, 7  # of the aids
+ADDED = ERRORS + 6  # the scale factors of gyros and accelerometers
+SCALE_GROWTH = 0.01 / 3600  # 1/s, of the variance of a scale factor in units of the first one (InertialFilter)
 ALARM_DEVIATIONS, ALARM = 4.8916, 1e-6  # of a normal distribution, both sides
 LAGS, BATCH = 5, 50
 
@@ -58,6 +60,7 @@ class Worse:
     velocity: float = 1
     attitude: float = 1
     height: float = 1
+    scale: float = 1
 
 
 def run(program, flight, seeds, worse, random):
@@ -73,8 +76,9 @@ def run(program, flight, seeds, worse, random):
     shape = (seeds, steps, 3)
     gyro_bias = first[:, None, 9:12] + np.cumsum(gyro_walk * math.sqrt(dt) * normal(shape), axis=1)
     bias = first[:, None, 12:] + np.cumsum(accelerometer_walk * math.sqrt(dt) * normal(shape), axis=1)
-    angles = angle + dt * gyro_bias + worse.gyro * gyro * math.sqrt(dt) * normal(shape)
-    velocities = velocity + dt * bias + worse.accelerometer * accelerometer * math.sqrt(dt) * normal(shape)
+    scale = scale_factors(flight, seeds, steps, worse.scale, random)
+    angles = angle * (1 + scale[..., :3]) + dt * gyro_bias + worse.gyro * gyro * math.sqrt(dt) * normal(shape)
+    velocities = velocity * (1 + scale[..., 3:]) + dt * bias + worse.accelerometer * accelerometer * math.sqrt(dt) * normal(shape)
 
     at = steps_of_aid * np.arange(1, aids + 1)
     shape = (seeds, aids, 3)
@@ -93,24 +97,37 @@ def run(program, flight, seeds, worse, random):
     kind = 3 if flight.is_global else 1
     head = np.concatenate([[kind, *flight.noise, dt, seeds, steps, steps_of_aid, steps_of_epoch, flight.attitude_rows],
                            np.full(3, flight.position), np.full(3, flight.velocity), [flight.attitude, flight.height],
-                           of_aids.ravel()])
+                           of_aids.ravel(), flight.scale])
     sent = head.tobytes() + np.concatenate([begin, rows], axis=-1).tobytes()
     output = subprocess.run([program], input=sent, check=True, timeout=1500, stdout=subprocess.PIPE).stdout
 
-    of_state = 16 + ERRORS + STATES**2 + STATES * ERRORS + ERRORS**2
+    of_state = 16 + ADDED + STATES**2 + STATES * ADDED + ADDED**2
     of_aid = of_state + 12 + 4
     per_epoch = steps_of_epoch // steps_of_aid
+    # The scale factors follow the errors of the aids, if there are such errors.
+    assert of_aids[:, 0].all() or not any(flight.scale)
+    added = np.concatenate([slow, scale[:, steps_of_aid - 1::steps_of_aid]], axis=-1)
     blocks = np.frombuffer(output).reshape(seeds, epochs, per_epoch * of_aid + of_state)
     state = blocks[:, :, -of_state:]
     at = steps_of_epoch * np.arange(1, epochs + 1)
     error = np.concatenate([logarithm(product(q[at], inverse(state[:, :, :4]))), v[at] - state[:, :, 4:7],
                             r[at] - state[:, :, 7:10], gyro_bias[:, at - 1] - state[:, :, 10:13],
                             bias[:, at - 1] - state[:, :, 13:16],
-                            slow[:, per_epoch - 1::per_epoch] - state[:, :, 16:16 + ERRORS]], axis=-1)
-    used = np.concatenate([np.arange(STATES), STATES + np.flatnonzero(of_aids[:, 0])])
+                            added[:, per_epoch - 1::per_epoch] - state[:, :, 16:16 + ADDED]], axis=-1)
+    variance = np.concatenate([of_aids[:, 0], np.repeat(flight.scale, 3)])
+    used = np.concatenate([np.arange(STATES), STATES + np.flatnonzero(variance)])
     P = whole(state[:, :, 16:])
     before = blocks[:, :, :-of_state].reshape(seeds, aids, of_aid)
     return error[..., used], P[..., used[:, None], used], whitened(flight, measured[..., 6:10], before)
+
+
+def scale_factors(flight, seeds, steps, worse, random):
+    """Returns the scale factors, less 1, of gyros and accelerometers at each step: random walks."""
+    if not any(flight.scale):
+        return np.zeros((seeds, steps, 6))
+    normal = random.standard_normal((seeds, steps + 1, 6))
+    normal[:, 1:] *= math.sqrt(SCALE_GROWTH * flight.dt)
+    return worse * np.repeat(flight.scale, 3) * np.cumsum(normal, axis=1)[:, 1:]
 
 
 def slow_errors(of_aids, aid_s, seeds, aids, random):
@@ -127,18 +144,18 @@ def slow_errors(of_aids, aid_s, seeds, aids, random):
 
 
 def whole(sent):
-    """Returns the covariance of the states and the aids' errors together."""
-    parts = np.split(sent[..., ERRORS:], [STATES**2, STATES**2 + STATES * ERRORS], axis=-1)
+    """Returns the covariance of the states and the added ones together."""
+    parts = np.split(sent[..., ADDED:], [STATES**2, STATES**2 + STATES * ADDED], axis=-1)
     P = parts[0].reshape(sent.shape[:-1] + (STATES, STATES))
-    C = parts[1].reshape(sent.shape[:-1] + (ERRORS, STATES))  # by columns
-    D = parts[2].reshape(sent.shape[:-1] + (ERRORS, ERRORS))
+    C = parts[1].reshape(sent.shape[:-1] + (ADDED, STATES))  # by columns
+    D = parts[2].reshape(sent.shape[:-1] + (ADDED, ADDED))
     return np.concatenate([np.concatenate([P, C.swapaxes(-1, -2)], axis=-1), np.concatenate([C, D], axis=-1)], axis=-2)
 
 
 def whitened(flight, q, aids):
     """Returns the innovations by their covariance: the blocks of Cholesky's factor, as the aids follow one another."""
     rows = 6 + flight.attitude_rows + (1 if flight.height else 0)
-    H = np.zeros(aids.shape[:2] + (rows, STATES + ERRORS))
+    H = np.zeros(aids.shape[:2] + (rows, STATES + ADDED))
     H[..., range(6), [6, 7, 8, 3, 4, 5]] = 1
     H[..., range(6), range(STATES, STATES + 6)] = 1
     columns, sigmas = list(range(6 + flight.attitude_rows)), [flight.position] * 3 + [flight.velocity] * 3
@@ -215,6 +232,7 @@ def main():
         assert judged("aeroplane", program, min(seeds, 50), worse, 9), worse
     for worse in (Worse(attitude=2), Worse(height=2)):
         assert judged("aided", program, min(seeds, 50), worse, 9), worse
+    assert judged("scaled", program, min(seeds, 50), Worse(scale=2), 9)
 
 
 if __name__ == "__main__":

@@ -5,14 +5,15 @@
 // IN: gravitation (GravitationModel::Kind), the four of InertialNoise, dt, runs, steps, steps between aids, steps
 // between epochs, rows of the attitude's aid (0, 1: the azimuth of the x axis about N's z axis, 3), standard
 // deviations of the aids (3 position, 3 velocity, 1 attitude, 1 height along N's -z, 0: there is none); of the aids'
-// errors the first variance, rate and growth (AidError), of 3 of position, 3 of velocity, 1 of height; then each run:
+// errors the first variance, rate and growth (AidError), of 3 of position, 3 of velocity, 1 of height; the
+// standard deviations of the scale factors of gyros and accelerometers (0: they are not estimated); then each run:
 // its first q_NP, v_N, r_N, gyro and accelerometer bias, 15 standard deviations; each step: delta-angle (rotation
 // vector), delta-velocity (integral), and at an aid position, velocity, q_NP, height.
 //
 // OUT: at each aid, before it: estimates, the innovations, less the aids' errors, in the order of the aids as rows of
 // 12, and the four normalised squares; after the last step of each epoch, and after its aid: estimates. Estimates are
-// the state, the errors of the aids, and the covariances of the states (15 x 15), of the states with the aids' errors
-// (7 columns of 15), and of the aids' errors (7 x 7).
+// the state, the added states (InertialFilter::Added), and the covariances of the states (15 x 15), of the states
+// with the added ones (13 columns of 15), and of the added ones (13 x 13).
 #include <array>
 #include <cstdio>
 #include <cstdlib>
@@ -54,10 +55,10 @@ void write(const Filter& filter) {
   write(motion.r_N);
   write(filter.gyro_bias_P());
   write(filter.accelerometer_bias_P());
-  write(filter.aid_errors().data(), Filter::most_aid_errors);
+  write(filter.added().estimates.data(), Filter::most_added);
   write(filter.covariance().data(), Filter::states * Filter::states);
-  write(filter.cross_covariance().data(), Filter::states * Filter::most_aid_errors);
-  write(filter.aid_covariance().data(), Filter::most_aid_errors * Filter::most_aid_errors);
+  write(filter.added().cross_covariance.data(), Filter::states * Filter::most_added);
+  write(filter.added().covariance.data(), Filter::most_added * Filter::most_added);
 }
 
 struct Settings {
@@ -69,6 +70,7 @@ struct Settings {
   Vector3 position, velocity;  // standard deviations
   double attitude = 0, height = 0;
   std::vector<Filter::AidError> errors;  // none where all are 0
+  Filter::ScaleSigmas scale;
   int error_of(int first) const { return errors.empty() ? -1 : first; }
 };
 
@@ -95,6 +97,8 @@ Settings read_settings() {
     has_errors = has_errors || variance > 0 || growth > 0;
   }
   if (!has_errors) settings.errors.clear();
+  const auto [gyro_scale, accelerometer_scale] = read<2>();
+  settings.scale = {gyro_scale, accelerometer_scale};
   return settings;
 }
 
@@ -115,7 +119,7 @@ void take_aid(Filter& filter, const Settings& settings) {
   const auto update = [&](const Filter::Measurement& measurement) {
     Vector3 innovation = measurement.innovation;
     if (measurement.error >= 0)
-      innovation.head(measurement.rows) -= filter.aid_errors().segment(measurement.error, measurement.rows);
+      innovation.head(measurement.rows) -= filter.added().estimates.segment(measurement.error, measurement.rows);
     write(innovation);
     const double square = measurement.rows > 0 ? filter.normalized_square(measurement) : 0;
     if (measurement.rows > 0) filter.update(measurement);
@@ -154,6 +158,7 @@ int main() {
   const Settings settings = read_settings();
   for (std::uint64_t run = 0; run < settings.runs; ++run) {
     Filter filter(settings.gravitation, {}, settings.noise, settings.errors);
+    filter.estimate_scale_factors(settings.scale);
     begin(filter);
     for (std::uint64_t k = 1; k <= settings.steps; ++k) {
       const Vector3 delta_angle = read_vector(), delta_velocity = read_vector();

@@ -1,7 +1,7 @@
 // filter_steps STEPS: an InertialFilter in endless turns, climbs and outages, with every aid. Each 1000 steps the
-// covariance of the states and of the aids' errors must be symmetric to the bit, positive definite by Cholesky's
-// decomposition, and bounded, and the errors must be within 10 standard deviations. Exits with 1 at the first that
-// is not.
+// covariance of the states, of the aids' errors and of the scale factors must be symmetric to the bit, positive
+// definite by Cholesky's decomposition, and bounded, and the errors must be within 10 standard deviations. Exits with
+// 1 at the first that is not.
 #include <Eigen/Cholesky>
 #include <cmath>
 #include <cstdint>
@@ -20,7 +20,7 @@ namespace {
 using namespace imud;
 using Filter = InertialFilter;
 constexpr double dt = 0.02, g = units::standard_gravity;
-constexpr int all = Filter::states + Filter::most_aid_errors;
+constexpr int all = Filter::states + Filter::most_added;
 
 class Noise {
  public:
@@ -37,7 +37,8 @@ class Noise {
 
 const char* fault_of(const Filter& filter, const InertialState& truth) {
   Eigen::Matrix<double, all, all> P;
-  P << filter.covariance(), filter.cross_covariance(), filter.cross_covariance().transpose(), filter.aid_covariance();
+  P << filter.covariance(), filter.added().cross_covariance, filter.added().cross_covariance.transpose(),
+      filter.added().covariance;
   if (!(P.array() == P.transpose().array()).all()) return "the covariance is not symmetric";
   if (P.llt().info() != Eigen::Success) return "the covariance is not positive definite";
   const auto largest = [&](int first) { return std::sqrt(P.diagonal().segment<3>(first).maxCoeff()); };
@@ -63,6 +64,7 @@ int main(int argc, char** argv) {
   Filter filter(flat, {}, {1e-4, 1e-3, 1e-6, 1e-5}, errors);
   Filter::State sigma;
   sigma << 0.02, 0.02, 0.05, 0.2, 0.2, 0.2, 2, 2, 3, 1e-3, 1e-3, 1e-3, 0.02, 0.02, 0.02;
+  filter.estimate_scale_factors({2e-3, 2e-3});
   filter.begin({}, Vector3::Zero(), Vector3::Zero(), sigma.cwiseProduct(sigma).asDiagonal());
   Strapdown truth(flat);
   Noise noise;

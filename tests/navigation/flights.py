@@ -187,6 +187,7 @@ class Flight:
     slow_position: tuple = (0, 1)
     slow_velocity: tuple = (0, 1)
     height_offset: tuple = (0, 0)
+    scale: tuple = (0, 0)  # standard deviations of the scale factors of gyros and accelerometers
     dt: float = 0.02
     aid_s: float = 1  # between aids
     epoch_s: float = 20  # some correlation times: what noise and aids make of the errors is new
@@ -220,4 +221,8 @@ FLIGHTS = {
     "orbit": Flight(orbit, True, 9600, (1e-5, 1e-5, 1e-8, 1e-8), sigmas(0.002, 0.1, 10, 1e-5, 1e-4), position=5,
                     attitude=1e-3, attitude_rows=3, dt=0.25, aid_s=600, epoch_s=1200),
     "cessna": Flight(cessna, True, 56, MEMS, sigmas([0.02, 0.02, 0.05], 0.2, 2, 1e-3, 0.02), epoch_s=14),
+    # As "aided", with scale factors, which the filter estimates.
+    "scaled": Flight(aeroplane, False, 240, MEMS, sigmas([0.02, 0.02, 0.05], 0.2, 2, 1e-3, 0.02), attitude=0.01,
+                     attitude_rows=1, position=0.5, velocity=0.05, height=1, slow_position=(1.5, 600),
+                     slow_velocity=(0.1, 60), height_offset=(300, 0.13), scale=(3e-3, 3e-3)),
 }

@@ -226,10 +226,10 @@ TEST(InertialFilter, EstimatesTheErrorOfAnAid) {
   EXPECT_NEAR(filter.normalized_square(down), 49.0 / 14, 1e-12);
   filter.update(down);
   EXPECT_LT((filter.motion().r_N - Vector3(0, 0, 2)).norm(), 1e-12);
-  EXPECT_NEAR(filter.aid_errors()[0], 4.5, 1e-12);
+  EXPECT_NEAR(filter.added().estimates[0], 4.5, 1e-12);
   EXPECT_NEAR(filter.covariance()(8, 8), 4 - 16.0 / 14, 1e-12);
-  EXPECT_NEAR(filter.aid_covariance()(0, 0), 9 - 81.0 / 14, 1e-12);
-  EXPECT_NEAR(filter.cross_covariance()(8, 0), -36.0 / 14, 1e-12);
+  EXPECT_NEAR(filter.added().covariance(0, 0), 9 - 81.0 / 14, 1e-12);
+  EXPECT_NEAR(filter.added().cross_covariance(8, 0), -36.0 / 14, 1e-12);
   // Of the 7 m the state explains 2, and the error of the aid 4.5: 0.5 are left.
   Filter::Measurement again = down;
   again.innovation[0] = 5;
@@ -259,11 +259,11 @@ TEST(InertialFilter, TheErrorsOfAidsHaveTheirTimes) {
   filter.begin({}, Vector3::Zero(), Vector3::Zero(), P);
   filter.update(
       {.first = Filter::position, .rows = 1, .innovation = {5, 0, 0}, .variance = {1e-6, 1, 1}, .error = 0});
-  EXPECT_NEAR(filter.aid_errors()[0], 5, 1e-4);
+  EXPECT_NEAR(filter.added().estimates[0], 5, 1e-4);
   for (int k = 0; k < 500; ++k) filter.advance(Vector3::Zero(), {0, 0, -dt * g}, dt);
-  EXPECT_NEAR(filter.aid_errors()[0], 5 * std::exp(-1), 1e-4);
-  EXPECT_NEAR(filter.aid_covariance()(0, 0), 4 * (1 - std::exp(-2)), 1e-4);
-  EXPECT_NEAR(filter.aid_covariance()(1, 1), 1 + 0.25 * 10, 1e-9);
+  EXPECT_NEAR(filter.added().estimates[0], 5 * std::exp(-1), 1e-4);
+  EXPECT_NEAR(filter.added().covariance(0, 0), 4 * (1 - std::exp(-2)), 1e-4);
+  EXPECT_NEAR(filter.added().covariance(1, 1), 1 + 0.25 * 10, 1e-9);
 }
 
 }  // namespace
