@@ -33,11 +33,14 @@ Filter::State first_sigma(bool has_aids = true) {
 }
 
 // A flight with turns, climbs and accelerations, whose true motion follows from true increments by the same
-// equations, and a filter that has measured increments. `noise` acts; the filter is tuned for `mems`.
+// equations, and a filter that has measured increments. `noise` acts; the filter is tuned for `mems`. The sensors
+// have scale factors where the filter estimates them.
 class Flight {
  public:
-  Flight(unsigned seed, const InertialNoise& noise, bool has_aids)
-      : random_(seed), noise_(noise), has_aids_(has_aids) {
+  Flight(unsigned seed, const InertialNoise& noise, bool has_aids, const Filter::ScaleSigmas& scale = {},
+         const InertialNoise& tuning = mems)
+      : random_(seed), noise_(noise), has_aids_(has_aids), filter_(flat_earth, {}, tuning) {
+    filter_.estimate_scale_factors(scale);
     Filter::State error = first_sigma(has_aids);
     for (int i = 0; i < Filter::states; i += 3) error.segment<3>(i).array() *= draw(random_, 1).array();
     const InertialState start = {exp(Vector3(0.1, -0.2, 1)), {20, -10, 1}, {100, 200, -300}};
@@ -48,32 +51,56 @@ class Flight {
     filter_.begin({exp(-Vector3(error.segment<3>(Filter::phi))) * start.q_NP,
                    start.v_N - error.segment<3>(Filter::velocity), start.r_N - error.segment<3>(Filter::position)},
                   Vector3::Zero(), Vector3::Zero(), variance.asDiagonal());
+    set_scale_factors(draw(random_, scale.gyro), draw(random_, scale.accelerometer));
+    const double walk = std::sqrt(Filter::scale_growth * dt);
+    scale_walk_ = {walk * scale.gyro, walk * scale.accelerometer};
   }
+  // Of the sensors, less 1.
+  void set_scale_factors(const Vector3& gyro, const Vector3& accelerometer) { scale_ << gyro, accelerometer; }
 
   void step() {
     const double t = dt * static_cast<double>(k_++);
-    const Vector3 rate(0.3 * std::sin(0.9 * t), 0.2 * std::cos(0.7 * t), 0.25 * std::sin(0.31 * t));
+    const Vector3 rocking(0.3 * std::sin(0.9 * t), 0.2 * std::cos(0.7 * t), 0.25 * std::sin(0.31 * t));
+    const Vector3 rate = spin_ == 0 ? rocking : Vector3(0, 0, spin_);
     const Vector3 acceleration_N(2 * std::sin(0.5 * t), 2 * std::cos(0.4 * t), std::sin(0.8 * t));
     const Vector3 force_P = truth_.state().q_NP.conjugate() * Vector3(acceleration_N - Vector3(0, 0, g));
     truth_.advance(dt * rate, dt * force_P, dt);
     gyro_bias_ += draw(random_, noise_.gyro_walk * std::sqrt(dt));
     accelerometer_bias_ += draw(random_, noise_.accelerometer_walk * std::sqrt(dt));
-    filter_.advance(dt * (rate + gyro_bias_) + draw(random_, noise_.gyro * std::sqrt(dt)),
-                    dt * (force_P + accelerometer_bias_) + draw(random_, noise_.accelerometer * std::sqrt(dt)), dt);
+    if (scale_walk_.gyro > 0) {
+      scale_.head<3>() += draw(random_, scale_walk_.gyro);
+      scale_.tail<3>() += draw(random_, scale_walk_.accelerometer);
+    }
+    const Vector3 rate_error = gyro_bias_ + scale_.head<3>().cwiseProduct(rate),
+                  force_error = accelerometer_bias_ + scale_.tail<3>().cwiseProduct(force_P);
+    filter_.advance(dt * (rate + rate_error) + draw(random_, noise_.gyro * std::sqrt(dt)),
+                    dt * (force_P + force_error) + draw(random_, noise_.accelerometer * std::sqrt(dt)), dt);
     if (has_aids_ && k_ % 10 == 0) {
       aid(Filter::position, truth_.state().r_N - filter_.motion().r_N, 1.5);
       aid(Filter::velocity, truth_.state().v_N - filter_.motion().v_N, 0.1);
     }
   }
 
-  // Returns the square of the error of all states in units of its covariance.
-  double nees() const {
-    Filter::State error;
+  // Of the states; then of the scale factors.
+  Eigen::Matrix<double, 21, 1> errors() const {
+    Eigen::Matrix<double, 21, 1> error;
     error << log(truth_.state().q_NP * filter_.motion().q_NP.conjugate()), truth_.state().v_N - filter_.motion().v_N,
         truth_.state().r_N - filter_.motion().r_N, gyro_bias_ - filter_.gyro_bias_P(),
-        accelerometer_bias_ - filter_.accelerometer_bias_P();
+        accelerometer_bias_ - filter_.accelerometer_bias_P(), scale_ - filter_.added().estimates.head<6>();
+    return error;
+  }
+  Eigen::Matrix<double, 21, 21> covariance_of_21() const {
+    Eigen::Matrix<double, 21, 21> P;
+    P << filter_.covariance(), filter_.added().cross_covariance.leftCols<6>(),
+        filter_.added().cross_covariance.leftCols<6>().transpose(), filter_.added().covariance.topLeftCorner<6, 6>();
+    return P;
+  }
+  // Returns the square of the error of all states in units of its covariance.
+  double nees() const {
+    const Filter::State error = errors().head<15>();
     return error.dot(filter_.covariance().llt().solve(error));
   }
+  double nees_of_21() const { return errors().dot(covariance_of_21().llt().solve(errors())); }
   Filter& filter() { return filter_; }
   // Sets the rotation about down, with an error of `sigma`.
   void set_heading(double sigma) {
@@ -81,6 +108,8 @@ class Flight {
     filter_.turn(Vector3::UnitZ(), error.z() + draw(random_, sigma).x(), sigma * sigma);
   }
   void set_aids(bool has_aids) { has_aids_ = has_aids; }
+  // Turns about z alone, rad/s.
+  void set_spin(double rate) { spin_ = rate; }
 
  private:
   void aid(int first, const Vector3& difference, double sigma) {
@@ -94,8 +123,11 @@ class Flight {
   InertialNoise noise_;
   bool has_aids_;
   Strapdown truth_{flat_earth};
-  Filter filter_{flat_earth, {}, mems};
+  Filter filter_;
+  double spin_ = 0;
   Vector3 gyro_bias_, accelerometer_bias_;
+  Eigen::Matrix<double, 6, 1> scale_;
+  Filter::ScaleSigmas scale_walk_;
   std::uint64_t k_ = 0;
 };
 
@@ -143,6 +175,32 @@ TEST(InertialFilter, IsConsistentAfterASetHeading) {
   EXPECT_NEAR(sum / (2 * flights), 15, 1.9);
 }
 
+// The same of 21 states: the bound is 4.9 of the mean's standard deviation sqrt(2 x 21/200), as above.
+constexpr Filter::ScaleSigmas half_a_percent = {5e-3, 5e-3};
+TEST(InertialFilter, IsConsistentWithScaleFactors) {
+  double sum = 0;
+  for (unsigned seed = 1; seed <= 40; ++seed) {
+    Flight flight(seed, mems, true, half_a_percent);
+    for (int k = 1; k <= 5000; ++k) {
+      flight.step();
+      if (k % 1000 == 0) sum += flight.nees_of_21();
+    }
+  }
+  EXPECT_NEAR(sum / 200, 21, 2.25);
+}
+
+// Without aids the covariance is the one of the errors' growth alone, of which each flight is one draw.
+TEST(InertialFilter, IsConsistentWithScaleFactorsWithoutAids) {
+  double sum = 0;
+  for (unsigned seed = 1; seed <= 200; ++seed) {
+    Flight flight(seed, mems, false, {1e-4, 1e-4});
+    for (int k = 1; k <= 1000; ++k) flight.step();
+    flight.filter().propagate();
+    sum += flight.nees_of_21();
+  }
+  EXPECT_NEAR(sum / 200, 21, 2.25);
+}
+
 // A quarter of a turn about down: the uncertainty of the tilt stays with the platform, and nothing is correlated with
 // the heading.
 TEST(InertialFilter, ATurnTakesTheTiltAlong) {
@@ -177,6 +235,56 @@ TEST(InertialFilter, CovarianceStaysDefinite) {
     ASSERT_EQ(P.llt().info(), Eigen::Success);
     ASSERT_GT(P.diagonal().minCoeff(), 0);
   }
+}
+
+// Turns to the right and to the left, with fixes; then turns to the right alone, without. A scale factor that is off
+// by 500 ppm turns the heading by 0.05 rad in the last 100 rad, and the filter of 15 states knows nothing of it.
+TEST(InertialFilter, FindsScaleFactors) {
+  constexpr double ppm = 1e-6;
+  double found2 = 0, with2 = 0, without2 = 0;
+  constexpr unsigned flights = 10;
+  for (unsigned seed = 1; seed <= flights; ++seed)
+    for (const bool estimates : {false, true}) {
+      InertialNoise tuning = mems;
+      tuning.gyro_scale = tuning.accelerometer_scale = 500 * ppm;
+      Flight flight(seed, mems, true, estimates ? Filter::ScaleSigmas{500 * ppm, 500 * ppm} : Filter::ScaleSigmas{},
+                    tuning);
+      flight.set_scale_factors(Vector3(-500, 500, 500) * ppm, Vector3(500, -500, 500) * ppm);
+      const auto turn = [&](double rate, double seconds) {
+        flight.set_spin(rate);
+        for (int k = 0; k < static_cast<int>(seconds / dt); ++k) flight.step();
+      };
+      for (const double rate : {1.0, -1.0, 1.0, -1.0, 1.0, -1.0}) turn(rate, 40);
+      flight.set_aids(false);
+      turn(1, 100);
+      const double heading2 = square(flight.errors()[2]);
+      (estimates ? with2 : without2) += heading2 / flights;
+      if (estimates) found2 += square(flight.errors()[17]) / flights;
+    }
+  EXPECT_LT(std::sqrt(found2), 60 * ppm);
+  EXPECT_GT(std::sqrt(without2), 0.04);
+  EXPECT_LT(std::sqrt(with2), 0.25 * std::sqrt(without2));
+}
+
+TEST(InertialFilter, CovarianceOfScaleFactorsStaysDefinite) {
+  Flight flight(1, mems, true, half_a_percent);
+  for (int round = 0; round < 20; ++round) {
+    flight.set_aids(round % 3 != 1);
+    for (int k = 0; k < 5000; ++k) flight.step();
+    const auto P = flight.covariance_of_21();
+    ASSERT_TRUE((P.array() == P.transpose().array()).all());
+    ASSERT_EQ(P.llt().info(), Eigen::Success);
+  }
+  // A scale factor that is forgotten leaves no trace, and begins again at its first variance.
+  Filter& filter = flight.filter();
+  filter.estimate_scale_factors({0, half_a_percent.accelerometer});
+  EXPECT_TRUE(filter.added().estimates.head<3>().isZero(0.0) && !filter.added().estimates.segment<3>(3).isZero(0.0));
+  filter.estimate_scale_factors({});
+  EXPECT_TRUE(filter.added().estimates.isZero(0.0) && filter.added().cross_covariance.isZero(0.0) &&
+              filter.added().covariance.isZero(0.0));
+  filter.estimate_scale_factors(half_a_percent);
+  EXPECT_DOUBLE_EQ(filter.added().covariance(0, 0), 25e-6);
+  EXPECT_DOUBLE_EQ(filter.added().covariance(5, 5), 25e-6);
 }
 
 // Errors of scale make a noise of a turn, and of an acceleration; none at rest.
