@@ -87,6 +87,9 @@ struct Solution {
   // The filter's estimates of the biases, rad/s and m/s^2, in platform axes, and their standard deviations.
   Eigen::Vector3f gyro_bias = Eigen::Vector3f::Zero(), accelerometer_bias = Eigen::Vector3f::Zero(),
                   gyro_bias_sigma = Eigen::Vector3f::Zero(), accelerometer_bias_sigma = Eigen::Vector3f::Zero();
+  // The same of the scale factors, less 1; 0 where the filter does not estimate them.
+  Eigen::Vector3f gyro_scale = Eigen::Vector3f::Zero(), accelerometer_scale = Eigen::Vector3f::Zero(),
+                  gyro_scale_sigma = Eigen::Vector3f::Zero(), accelerometer_scale_sigma = Eigen::Vector3f::Zero();
   Navigation receiver = {};  // the receiver's fix; Sample::navigation is the filter's place
 };
 

@@ -13,6 +13,8 @@ namespace imud {
 struct NavigationAids {
   std::uint16_t withheld = 0;  // bits of namespace aid: these aids are not used, as if they were missing
   bool waits = false;          // no alignment ends without a heading that the host has given
+  // The scale factors are estimated, whatever NavigatorModel::estimates_scale_factors is.
+  bool estimates_gyro_scale = false, estimates_accelerometer_scale = false;
   // Hard and soft iron: the filter uses the magnetic field gain * (measured - bias), in platform axes.
   Matrix3 field_gain = Matrix3::Identity();
   Vector3 field_bias = Vector3::Zero();  // T

@@ -57,7 +57,9 @@ Navigator::Navigator(const NavigatorModel& model, const ImuModel& imu, const Nor
       height_error_(AidErrors(model_).height),
       past_(static_cast<std::size_t>(samples_of(latency_, imu.rate_hz) + 1)),
       rest_detector_(model_.noise),
-      normals_(normals) {}
+      normals_(normals) {
+  filter_.estimate_scale_factors(scale_sigmas());
+}
 
 void Navigator::restart() noexcept {
   is_aligned_ = has_begun_ = false;
@@ -260,7 +262,8 @@ void Navigator::begin_filter(const PositionVelocity& now, const Sample& sample, 
       .setConstant(model_.gyro_bias * model_.gyro_bias + more_gyro_bias * more_gyro_bias);
   P.block<3, 3>(Inertial::accelerometer_bias, Inertial::accelerometer_bias)
       .diagonal()
-      .setConstant(model_.accelerometer_bias * model_.accelerometer_bias);
+      .setConstant(square(scale_sigmas().accelerometer > 0 ? model_.accelerometer_bias_beside_scale
+                                                           : model_.accelerometer_bias));
   const double age_s = seconds(at.time - now.time);
   const Vector3 change = age_s * (q_NP * sample.specific_force + gravitation_N(filter_.gravitation(), now.r_N));
   filter_.begin({q_NP, now.v_N + change, now.r_N + age_s * (now.v_N + 0.5 * change)}, Vector3::Zero(),
@@ -351,6 +354,16 @@ bool Navigator::write(Sample& sample, const At& at) const noexcept {
   };
   solution.gyro_bias_sigma = bias_sigma(InertialFilter::gyro_bias);
   solution.accelerometer_bias_sigma = bias_sigma(InertialFilter::accelerometer_bias);
+  if (scale_sigmas() == InertialFilter::ScaleSigmas{}) return true;
+  const InertialFilter::AddedStates added = filter_.added();
+  const int gyro = added.first_scale_factor, accelerometer = gyro + 3;
+  const auto scale_sigma = [&](int first) {
+    return added.covariance.diagonal().segment<3>(first).cwiseSqrt().cast<float>();
+  };
+  solution.gyro_scale = added.estimates.segment<3>(gyro).cast<float>();
+  solution.accelerometer_scale = added.estimates.segment<3>(accelerometer).cast<float>();
+  solution.gyro_scale_sigma = scale_sigma(gyro);
+  solution.accelerometer_scale_sigma = scale_sigma(accelerometer);
   return true;
 }
 

@@ -40,7 +40,10 @@ class Navigator {
   void set_seed(std::uint64_t seed) noexcept { normals_.set_seed(seed); }
   // Fixes (aid::position), antennas, magnetic headings and heights can be withheld. The magnetic field is the one of
   // the samples (OwnSolution).
-  void set_aids(const NavigationAids& aids) noexcept { aids_ = aids; }
+  void set_aids(const NavigationAids& aids) noexcept {
+    aids_ = aids;
+    filter_.estimate_scale_factors(scale_sigmas());
+  }
   // Takes the heading of the platform at the last sample. While the filter aligns, the alignment begins its window
   // again, and ends with this heading. Later the filter turns to it at once, unless it is `only_in_alignment`.
   void give(const GivenHeading& heading) noexcept;
@@ -96,6 +99,12 @@ class Navigator {
   Vector3 baseline_L(const Sample& sample) const noexcept;
   void use_height(const Sample& sample, const At& at) noexcept;
   void use_rest(const Sample& sample, const At& at, double dt) noexcept;
+  InertialFilter::ScaleSigmas scale_sigmas() const noexcept {
+    const bool estimates = model_.estimates_scale_factors;
+    return {
+        .gyro = estimates || aids_.estimates_gyro_scale ? model_.gyro_scale_factor : 0,
+        .accelerometer = estimates || aids_.estimates_accelerometer_scale ? model_.accelerometer_scale_factor : 0};
+  }
   bool is_slow(const Navigation& here, const Navigation& fix) const noexcept;
   bool has(std::uint16_t aid) const noexcept { return (aids_.withheld & aid) == 0; }
   bool has_fix(const Sample& sample) const noexcept { return sample.fix().is_known && has(aid::position); }

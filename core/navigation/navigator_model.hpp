@@ -57,6 +57,10 @@ struct NavigatorModel {
   double quiet_acceleration = 0.2;  // m/s^2, above 0, of a vehicle without manoeuvres (attitude); chosen
   InertialNoise noise;
   double gyro_bias = 0, accelerometer_bias = 0;  // rad/s, m/s^2: standard deviations at the begin
+  // Whether the scale factors are estimated from the begin on; their standard deviations then; and the one of the
+  // accelerometers' bias, m/s^2, which then does not contain the scale factor's error in gravity.
+  bool estimates_scale_factors = false;
+  double gyro_scale_factor = 0, accelerometer_scale_factor = 0, accelerometer_bias_beside_scale = 0;
   // A measurement is rejected where the square of its innovation, in units of the covariance, is above this; after
   // `accept_after_s` of rejections alone the filter adds to its covariance, and accepts.
   double gate = 25;

@@ -9,7 +9,8 @@ namespace imud {
 namespace {
 
 struct Tuning {
-  double noise = 0, walk = 0, bias = 0, scale = 0, g_sensitivity = 0;
+  double noise = 0, walk = 0, bias = 0, scale = 0, g_sensitivity = 0;  // scale: factors and misalignments
+  double scale_factor = 0, misalignment = 0;
 };
 
 // Returns the tuning by the largest of the axes. A slow error that is no random walk counts as the random walk that
@@ -30,10 +31,17 @@ Tuning tuning_of(const TriadErrors& errors, double internal_hz) {
         square(errors.scale_factor[i] - 1) + (errors.misalignment - Matrix3::Identity()).row(i).squaredNorm() +
         square(errors.unit_sigma.scale_factor[i]) + square(errors.turn_on_sigma.scale_factor[i]) +
         errors.unit_sigma.misalignment.row(i).squaredNorm() + errors.turn_on_sigma.misalignment.row(i).squaredNorm();
+    const double scale_factor2 = square(errors.scale_factor[i] - 1) + square(errors.unit_sigma.scale_factor[i]) +
+                                 square(errors.turn_on_sigma.scale_factor[i]);
+    const double misalignment2 = (errors.misalignment - Matrix3::Identity()).row(i).squaredNorm() +
+                                 errors.unit_sigma.misalignment.row(i).squaredNorm() +
+                                 errors.turn_on_sigma.misalignment.row(i).squaredNorm();
     const double g_sensitivity2 = errors.g_sensitivity.row(i).squaredNorm() +
                                   errors.unit_sigma.g_sensitivity.row(i).squaredNorm() +
                                   errors.turn_on_sigma.g_sensitivity.row(i).squaredNorm();
     largest.scale = std::max(largest.scale, std::sqrt(scale2));
+    largest.scale_factor = std::max(largest.scale_factor, std::sqrt(scale_factor2));
+    largest.misalignment = std::max(largest.misalignment, std::sqrt(misalignment2));
     largest.g_sensitivity = std::max(largest.g_sensitivity, std::sqrt(g_sensitivity2));
     largest.noise = std::max(largest.noise, std::sqrt(noise2));
     largest.walk = std::max(largest.walk, std::sqrt(walk2));
@@ -52,19 +60,27 @@ void tune(NavigatorModel& navigator, const ImuModel& imu) noexcept {
   const double internal_hz = imu.rate_hz * imu.internal_samples;
   const Tuning gyro = tuning_of(imu.gyro, internal_hz), accelerometer = tuning_of(imu.accelerometer, internal_hz);
   // A filter that trusts its sensors without limit would take no aid.
-  constexpr double least_gyro = 1e-7, least_accelerometer = 1e-6, least_walk = 1e-9, least_bias = 1e-6;
+  constexpr double least_gyro = 1e-7, least_accelerometer = 1e-6, least_walk = 1e-9, least_bias = 1e-6,
+                   least_scale = 1e-6;
   navigator.noise = {std::max(gyro.noise, least_gyro),
                      std::max(accelerometer.noise, least_accelerometer),
                      std::max(gyro.walk, least_walk),
                      std::max(accelerometer.walk, 10 * least_walk),
                      gyro.scale,
                      accelerometer.scale,
-                     gyro.g_sensitivity};
+                     gyro.g_sensitivity,
+                     gyro.misalignment,
+                     accelerometer.misalignment};
   // In gravity these errors are a bias.
   constexpr double g = units::standard_gravity;
   navigator.gyro_bias = std::max(std::sqrt(square(gyro.bias) + square(g * gyro.g_sensitivity)), least_bias);
-  navigator.accelerometer_bias =
-      std::max(std::sqrt(square(accelerometer.bias) + square(g * accelerometer.scale)), 100 * least_bias);
+  const auto with_bias = [&](double scale) {
+    return std::max(std::sqrt(square(accelerometer.bias) + square(g * scale)), 100 * least_bias);
+  };
+  navigator.accelerometer_bias = with_bias(accelerometer.scale);
+  navigator.accelerometer_bias_beside_scale = with_bias(accelerometer.misalignment);
+  navigator.gyro_scale_factor = std::max(gyro.scale_factor, least_scale);
+  navigator.accelerometer_scale_factor = std::max(accelerometer.scale_factor, least_scale);
 }
 
 }  // namespace imud

@@ -283,6 +283,12 @@ TEST(Navigator, TunesBySensors) {
   const double g = units::standard_gravity;
   EXPECT_NEAR(model.navigator.accelerometer_bias, std::hypot(0.02, 5e-3 * g), 1e-12);
   EXPECT_NEAR(model.navigator.gyro_bias, std::sqrt(5e-6 + 1e-6 * g * g), 1e-12);
+  // A filter that estimates the scale factors has the rest for noise and bias.
+  EXPECT_NEAR(model.navigator.gyro_scale_factor, 2e-3, 1e-15);
+  EXPECT_DOUBLE_EQ(model.navigator.accelerometer_scale_factor, 3e-3);
+  EXPECT_DOUBLE_EQ(model.navigator.noise.gyro_misalignment, 0);
+  EXPECT_DOUBLE_EQ(model.navigator.noise.accelerometer_misalignment, 4e-3);
+  EXPECT_NEAR(model.navigator.accelerometer_bias_beside_scale, std::hypot(0.02, 4e-3 * g), 1e-12);
 }
 
 }  // namespace
