@@ -98,7 +98,8 @@ std::string solution_text(const NavigatorModel& navigator, const EarthModel& ear
                                                            fmt::format("{:.3g} m", navigator.barometric_height)))
                                  : std::string();
   return fmt::format(
-      "solution by the unit's filter: {}{}, {}{}{}; {}",
+      "solution by the unit's filter{}: {}{}, {}{}{}; {}",
+      navigator.estimates_scale_factors ? ", with scale factors" : "",
       aid(navigator.gnss_rate_hz, "fixes",
           fmt::format("{:.3g} m, {:.3g} m/s north", std::hypot(navigator.position.x(), navigator.slow_position.x()),
                       std::hypot(navigator.velocity.x(), navigator.slow_velocity.x()))),

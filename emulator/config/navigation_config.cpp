@@ -155,6 +155,10 @@ void read_navigator(TableReader& table, const TruthConfig& truth, ImuConfig& imu
     navigator.zero_velocity = table.flag("zero_velocity", false);
     check("zero_velocity", is_inertial, "\"filter\"");
   }
+  if (is_inertial || table.has("estimate_scale_factors")) {
+    navigator.estimates_scale_factors = table.flag("estimate_scale_factors", false);
+    check("estimate_scale_factors", is_inertial, "\"filter\"");
+  }
   for (const char* key : {"barometric_height_m", "barometric_walk_m_per_rt_s"})
     if (is_inertial && navigator.barometer_rate_hz == 0 && table.has(key))
       table.warn(key, "has no effect without a barometer_rate_hz above 0");

@@ -119,9 +119,13 @@ TEST_F(SolutionTest, KeysAreChecked) {
                                                           "[imu.navigation]\n" + keys)));
   };
   EXPECT_TRUE(load("solution = \"filter\"\ngnss_rate_hz = 10\n").imus[0].navigator.is_on);
+  EXPECT_FALSE(load("solution = \"filter\"\n").imus[0].navigator.estimates_scale_factors);
+  EXPECT_TRUE(
+      load("solution = \"filter\"\nestimate_scale_factors = true\n").imus[0].navigator.estimates_scale_factors);
   for (const char* wrong : {"solution = \"kalman\"\n", "gnss_rate_hz = 5\n", "barometer_rate_hz = 5\n",
                             "solution = \"filter\"\nantennas_heading_deg = 1\ngnss_rate_hz = 0\n",
                             "solution = \"filter\"\nbarometric_height_m = 0\n",
+                            "solution = \"attitude\"\nestimate_scale_factors = true\n",
                             "solution = \"filter\"\nheading_deg = 1\n", "solution = \"filter\"\nalignment_s = 0\n"})
     EXPECT_THROW(load(wrong), ConfigError) << wrong;
   const std::string nowhere =
