@@ -13,6 +13,8 @@ namespace imud::mip {
 // The shared fields 0xD0 and above belong to the 7 series: the manual of the 3DM-GX5-45 (8500-0064 C) does not list
 // them, and imu_3dm_gx4 rejects a packet that has one. ArduPilot's driver of the GX5-45 nevertheless takes the GPS
 // time of filter and receiver from 0xD3 (MicroStrain_common.cpp, and its own simulation, SIM_MicroStrain.cpp).
+// The scale factors belong to the GX5-45: MSCL bc6d5bf, MipNodeFeatures.cpp, lets it estimate them, and not a GX5-25.
+// Whether a device of the 7 series has them was not found.
 inline constexpr DataField field_table[] = {
     {"acceleration", sensor, 0x04, 12, all},
     {"rate", sensor, 0x05, 12, all},
@@ -66,6 +68,10 @@ inline constexpr DataField field_table[] = {
     {"filter_gps_time", filter, 0x11, 12, all},
     {"filter_quaternion_uncertainty", filter, 0x12, 18, all},
     {"filter_gravity", filter, 0x13, 14, all},
+    {"filter_gyro_scale", filter, 0x16, 14, gx5_45},
+    {"filter_accelerometer_scale", filter, 0x17, 14, gx5_45},
+    {"filter_gyro_scale_uncertainty", filter, 0x18, 14, gx5_45},
+    {"filter_accelerometer_scale_uncertainty", filter, 0x19, 14, gx5_45},
     {"filter_acceleration", filter, 0x1C, 14, all},
     {"filter_position_ecef", filter, 0x40, 26, ins},
     {"filter_aiding_summary", filter, aiding_summary, 7, cv7_ins | gq7},  // one of each aid

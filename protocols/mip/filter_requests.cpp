@@ -1,6 +1,7 @@
 // The requests of the host to the unit's own filter, by commands and by settings.
 // Sources: mip_sdk e5a847d, commands_filter.h and commands_3dm.h; 3DM-GX5-45 Data Communications Protocol 8500-0064
-// C, page 85 (initial heading), page 96 (sources of heading); of 0x41: KumarRobotics/imu_3dm_gx4 f8351ad, imu.cpp.
+// C, page 85 (initial heading), page 96 (sources of heading); of 0x41: KumarRobotics/imu_3dm_gx4 f8351ad, imu.cpp; of
+// the models that estimate scale factors: MSCL bc6d5bf, MipNodeFeatures.cpp.
 #include <cmath>
 
 #include "core/sample.hpp"
@@ -46,6 +47,10 @@ NavigationAids Configuration::aids(const Model& model) const noexcept {
     withhold(aid::magnetic_heading, (measurements->bytes[1] & 2U) == 0);
   }
   if (const Kept* const automatic = find_kept(model, filter_command, 0x19)) aids.waits = automatic->bytes[0] == 0;
+  if (const Kept* const estimates = find_kept(model, filter_command, 0x14); model.is(gx5_45)) {
+    aids.estimates_gyro_scale = (estimates->bytes[1] & 4U) != 0;
+    aids.estimates_accelerometer_scale = (estimates->bytes[1] & 8U) != 0;
+  }
   constexpr double gauss = 1e-4;
   aids.field_bias = gauss * row_of(*find_kept(model, three_dm, 0x3A), 0);
   const Kept& matrix = *find_kept(model, three_dm, 0x3B);

@@ -82,8 +82,18 @@ void Fields::put_filter(Packet& packet, std::uint8_t descriptor, DeviceTime at) 
     if (!is_in(Solution::State::aided) && !is_in(Solution::State::coasting)) return Vector3::Zero();
     return of_filter(&Solution::accelerometer_bias) - memory_.active().accelerometer_bias;
   };
-  const auto without = [&](const Vector3& bias_P, const Vector3& sensed) -> Vector3 {
-    return solution ? Vector3(sensed - memory_.active().q_PV.conjugate() * bias_P) : sensed;
+  const auto without = [&](const Vector3& bias_P, Eigen::Vector3f Solution::*scale,
+                           const Vector3& sensed) -> Vector3 {
+    if (!solution) return sensed;
+    const Quaternion& q_PV = memory_.active().q_PV;
+    const Vector3 unbiased = sensed - q_PV.conjugate() * bias_P;
+    if (((*solution).*scale).isZero(0.0F)) return unbiased;
+    return q_PV.conjugate() * Vector3((q_PV * unbiased).array() / (1 + of_filter(scale).array()));
+  };
+  // A filter that does not estimate scale factors reports none. That the fields report them less 1 is an assumption.
+  const auto put_scale = [&](Eigen::Vector3f Solution::*member, Eigen::Vector3f Solution::*sigma) {
+    packet.put_floats(solution ? of_filter(member) : Vector3(Vector3::Zero()));
+    return navigates && solution && !((*solution).*sigma).isZero(0.0F);
   };
   std::uint16_t valid = is_stable;
   switch (descriptor) {
@@ -138,10 +148,11 @@ void Fields::put_filter(Packet& packet, std::uint8_t descriptor, DeviceTime at) 
       valid = navigates;
       break;
     case 0x0D:
-      packet.put_floats(without(more_accelerometer_bias(), sample_.specific_force) + gravity());
+      packet.put_floats(without(more_accelerometer_bias(), &Solution::accelerometer_scale, sample_.specific_force) +
+                        gravity());
       break;
     case 0x0E:
-      packet.put_floats(without(more_gyro_bias(), sample_.rate));
+      packet.put_floats(without(more_gyro_bias(), &Solution::gyro_scale, sample_.rate));
       break;
     case 0x10:
       return put_filter_status(packet, at);
@@ -157,8 +168,20 @@ void Fields::put_filter(Packet& packet, std::uint8_t descriptor, DeviceTime at) 
     case 0x13:
       packet.put_floats(gravity());
       break;
+    case 0x16:
+      valid = put_scale(&Solution::gyro_scale, &Solution::gyro_scale_sigma);
+      break;
+    case 0x17:
+      valid = put_scale(&Solution::accelerometer_scale, &Solution::accelerometer_scale_sigma);
+      break;
+    case 0x18:
+      valid = put_scale(&Solution::gyro_scale_sigma, &Solution::gyro_scale_sigma);
+      break;
+    case 0x19:
+      valid = put_scale(&Solution::accelerometer_scale_sigma, &Solution::accelerometer_scale_sigma);
+      break;
     case 0x1C:
-      packet.put_floats(without(more_accelerometer_bias(), sample_.specific_force));
+      packet.put_floats(without(more_accelerometer_bias(), &Solution::accelerometer_scale, sample_.specific_force));
       break;
     case 0x49:
       return put_dual_antenna(packet, at);

@@ -7,7 +7,8 @@
 // exit code is 1 if a line is wrong; the correct lines go to standard output. With the setting solution=filter the
 // unit computes its own solution, and with solution=attitude its attitude alone. With aids=all the filter has every
 // aid, each of which must have been used, and with motion=rest the vehicle rests instead of the flight. With
-// sky=almanac the receiver sees the satellites of an almanac.
+// scale=estimated the sensors have scale factors, which the filter estimates. With sky=almanac the receiver sees the
+// satellites of an almanac.
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
@@ -133,7 +134,7 @@ ImuModel navigating(double rate_hz) {
 // The settings of a line that are not the protocol's.
 struct Unit {
   std::optional<NavigatorModel::Kind> solution;
-  bool has_all_aids = false, rests = false, has_almanac = false;
+  bool has_all_aids = false, rests = false, has_almanac = false, estimates_scale = false;
 
   // Returns whether `setting` is one of these.
   bool read(std::string_view setting) {
@@ -143,6 +144,8 @@ struct Unit {
       solution = NavigatorModel::Kind::attitude;
     } else if (setting == "aids=all") {
       has_all_aids = true;
+    } else if (setting == "scale=estimated") {
+      estimates_scale = true;
     } else if (setting == "motion=rest") {
       rests = true;
     } else if (setting == "sky=almanac") {
@@ -180,6 +183,10 @@ ImuModel model_of(const Unit& unit, double rate_hz) {
     model.navigation.gnss.almanac = constellation();
     model.navigation.gnss.multipath = 3;
   }
+  if (unit.estimates_scale) {
+    model.gyro.scale_factor = Vector3(1.003, 0.998, 1.002);
+    model.accelerometer.scale_factor = Vector3(0.997, 1.001, 1.002);
+  }
   if (!unit.has_all_aids) return model;
   model.barometer.noise = 5;
   model.navigation.position = Vector3(1.5, 1.5, 3);
@@ -191,6 +198,7 @@ NavigatorModel navigator_of(const Unit& unit, const ImuModel& model) {
   NavigatorModel navigator;
   navigator.kind = *unit.solution;
   tune(navigator, model);
+  navigator.estimates_scale_factors = unit.estimates_scale;
   if (!unit.has_all_aids) return navigator;
   navigator.slow_position = model.navigation.position;
   navigator.slow_velocity = model.navigation.velocity;

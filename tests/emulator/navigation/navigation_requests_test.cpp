@@ -102,6 +102,38 @@ TEST(NavigationRequests, FixesAreWithheld) {
   }
 }
 
+// The host of a GX5-45 switches the estimates of the gyros' and of the accelerometers' scale factors on and off.
+TEST(NavigationRequests, ScaleFactorsAreEstimated) {
+  const std::string off = field({0x14, 1, 0, 3}), of_gyros = field({0x14, 1, 0, 7}), both = field({0x14, 1, 0, 15});
+  const std::string keys = "gyro.scale_factor = [1.002, 1, 1]\naccelerometer.scale_factor = [1, 1, 1.003]\n";
+  const auto sigmas = [](OrderedUnit& unit) {
+    const Solution& solution = *unit.run(0.1).solution;
+    return std::pair(solution.gyro_scale_sigma.maxCoeff(), solution.accelerometer_scale_sigma.maxCoeff());
+  };
+  const auto none = std::pair(0.0F, 0.0F);
+  OrderedUnit unit("mip", "3dm-gx5-45", turn_at, keys);
+  unit.run(4);
+  EXPECT_EQ(sigmas(unit), none) << "as delivered";
+  EXPECT_EQ(unit.mip(of_filter, of_gyros), 0);
+  EXPECT_NEAR(sigmas(unit).first, 0.002F, 1e-6F);
+  EXPECT_EQ(sigmas(unit).second, 0.0F);
+  EXPECT_EQ(unit.mip(of_filter, both), 0);
+  EXPECT_GT(sigmas(unit).first, 0.0F);
+  EXPECT_NEAR(sigmas(unit).second, 0.003F, 1e-4F);
+  EXPECT_EQ(unit.mip(of_filter, off), 0);
+  EXPECT_EQ(sigmas(unit), none);
+  OrderedUnit gq7("mip", "3dm-gq7", turn_at, keys);
+  gq7.run(6);
+  EXPECT_EQ(gq7.mip(of_filter, both), 0);
+  EXPECT_EQ(sigmas(gq7), none) << "this product has no scale factors that its host could switch on";
+  // The key has them on whatever the host sends.
+  OrderedUnit with_key("mip", "3dm-gx5-45", turn_at, keys + "navigation.estimate_scale_factors = true\n");
+  EXPECT_EQ(with_key.mip(of_filter, off), 0);
+  with_key.run(4);
+  EXPECT_GT(sigmas(with_key).first, 0.001F);
+  EXPECT_GT(sigmas(with_key).second, 0.0F);
+}
+
 // A filter without fixes cannot align.
 TEST(NavigationRequests, AlignmentNeedsFixes) {
   OrderedUnit unit("mip", "3dm-gq7");

@@ -234,6 +234,47 @@ TEST(MipSolution, BiasesOfTheAccelerometersAndTheirUncertainties) {
   EXPECT_EQ(valid(of_truth), 3);
 }
 
+// Scale factors, in the axes of the sensor: the rest after the biases is divided by them.
+TEST(MipSolution, ScaleFactorsAndTheirUncertainties) {
+  FilterUnit ins("3dm-gx5-45", {0x16, 0x17, 0x18, 0x19, 0x0E, 0x1C});
+  EXPECT_EQ(ins.unit().code(command(0x0D, 0x11,
+                                    hex("010000000000000000"
+                                        "3FC90FDB"))),
+            0)
+      << "x of the vehicle is y of the sensor";
+  const auto valid = [](const Bytes& packet) {
+    int all = 0;
+    for (const std::uint8_t descriptor : Bytes{0x16, 0x17, 0x18, 0x19})
+      all = 2 * all + number_at<std::uint16_t>(field(packet, descriptor), 12);
+    return all;
+  };
+  Sample sample = aided(over_boulder());
+  sample.rate = {0.5, 0.25, 0};
+  sample.specific_force = {1, 2, -10};
+  const Bytes without = ins.packet(sample);
+  EXPECT_EQ(valid(without), 0) << "the filter does not estimate them";
+  EXPECT_EQ(three(without, 0x18), Vector3::Zero());
+  sample.solution->gyro_bias = {0.125F, 0, 0};
+  sample.solution->gyro_scale = {0.25F, 0, 0};
+  sample.solution->gyro_scale_sigma = {0.001F, 0.002F, 0.003F};
+  const Bytes with = ins.packet(sample);
+  EXPECT_EQ(three(with, 0x16), Vector3(0.25, 0, 0));
+  EXPECT_LT((three(with, 0x18) - Vector3(0.001, 0.002, 0.003)).norm(), 1e-9);
+  EXPECT_EQ(valid(with), 0b1010) << "the gyros' alone";
+  const Vector3 of_rate = three(with, 0x0E);  // (0.5 - 0.125)/1.25 about the sensor's x
+  EXPECT_NEAR(std::abs(of_rate.y()), 0.3, 1e-6);
+  EXPECT_NEAR(std::abs(of_rate.x()), 0.25, 1e-6);
+  EXPECT_LT((three(with, 0x1C) - three(without, 0x1C)).norm(), 1e-9);
+  sample.solution->accelerometer_scale = {0, 0, -0.5F};
+  sample.solution->accelerometer_scale_sigma = {0.001F, 0.002F, 0.003F};
+  const Bytes both = ins.packet(sample);
+  EXPECT_EQ(valid(both), 0b1111);
+  EXPECT_EQ(three(both, 0x17), Vector3(0, 0, -0.5));
+  EXPECT_NEAR(three(both, 0x1C).z(), -20, 1e-5);
+  EXPECT_EQ(valid(ins.packet(aligning(over_boulder()))), 0);
+  EXPECT_EQ(valid(ins.packet(over_boulder())), 0) << "the solution is the truth";
+}
+
 // Returns source, type and indicator of each aid.
 std::vector<std::array<int, 3>> aids_in(const Bytes& packet) {
   std::vector<std::array<int, 3>> all;
