@@ -50,6 +50,7 @@ void append_value(Buffer& out, const Value& value) {
 bool has_truth_time(const FeedSample& s) { return s.truth_time.has_value(); }
 bool has_field(const FeedSample& s) { return s.magnetic_field != decltype(s.magnetic_field){}; }
 bool has_pressure(const FeedSample& s) { return s.pressure > 0; }
+bool has_inclination(const FeedSample& s) { return s.inclination.has_value(); }
 bool has_place(const FeedSample& s) { return s.has_place; }
 bool has_solution(const FeedSample& s) { return s.solution.has_value(); }
 
@@ -108,6 +109,8 @@ void append_rest(Buffer& out, const std::vector<const FeedSample*>& samples) {
   append_list(out, "attitude", samples, &FeedSample::attitude);
   append_list(out, "magnetic_field", samples, &FeedSample::magnetic_field, has_field);
   append_list(out, "pressure", samples, &FeedSample::pressure, has_pressure);
+  append_list(
+      out, "inclination", samples, [](const FeedSample& s) { return *s.inclination; }, has_inclination);
   append_list(out, "position", samples, position, has_place);
   append_solution(out, samples);
   append_list(out, "sent", samples, &FeedSample::is_sent);

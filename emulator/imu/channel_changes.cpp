@@ -113,7 +113,9 @@ FeedSample Channel::feed_sample() noexcept {
   const Sample& sample = *outgoing_.sample;
   const auto count = [](const Counter& counter) { return counter.load(std::memory_order_relaxed); };
   const Eigen::Quaternionf q = sample.q_LP.cast<float>();
-  const Eigen::Vector3f field = sample.magnetic_field.cast<float>();
+  const auto floats = [](const Vector3& v) {
+    return std::array{static_cast<float>(v.x()), static_cast<float>(v.y()), static_cast<float>(v.z())};
+  };
   const Navigation& place = sample.navigation;
   return {.imu = number,
           .status = sample.status,
@@ -130,8 +132,9 @@ FeedSample Channel::feed_sample() noexcept {
           .held = count(counters.held),
           .silent = count(counters.silent),
           .attitude = {q.w(), q.x(), q.y(), q.z()},
-          .magnetic_field = {field.x(), field.y(), field.z()},
+          .magnetic_field = floats(sample.magnetic_field),
           .pressure = static_cast<float>(sample.pressure),
+          .inclination = sample.inclination ? std::optional(floats(*sample.inclination)) : std::nullopt,
           .has_place = place.is_known,
           .latitude = place.latitude,
           .longitude = place.longitude,

@@ -43,9 +43,10 @@ struct FeedSample {
   std::uint64_t extrapolated = 0, held = 0, silent = 0;
   // The rest of the sample, as the device has received it (Sample). Position and velocity of a receiver include its
   // errors.
-  std::array<float, 4> attitude{1, 0, 0, 0};  // q_LP: w, x, y, z
-  std::array<float, 3> magnetic_field{};      // T; 0: not known
-  float pressure = 0;                         // Pa; 0: not known
+  std::array<float, 4> attitude{1, 0, 0, 0};        // q_LP: w, x, y, z
+  std::array<float, 3> magnetic_field{};            // T; 0: not known
+  float pressure = 0;                               // Pa; 0: not known
+  std::optional<std::array<float, 3>> inclination;  // m/s^2; nullopt: the imu has no inclinometers
   bool has_place = false;
   double latitude = 0, longitude = 0, height = 0;  // rad, rad, m; valid if has_place
   std::optional<FeedSolution> solution;            // has attitude and place; nullopt: these are the truth's

@@ -43,6 +43,7 @@ export const quantities = [
   {key: "specific_force", name: "Specific force", axes: xyz, has_truth: true, words: "measured, and truth dashed", si: ["m/s²", "m_per_s2", 1], other: ["g", "g", 1 / g0]},
   {key: "magnetic_field", name: "Magnetic field", axes: xyz, words: "measured", si: ["µT", "uT", 1e6]},
   {key: "pressure", name: "Pressure", axes: [""], words: "measured", si: ["hPa", "hPa", 1e-2], read: ({pressure}, i) => one_of(pressure?.[i])},
+  {key: "inclination", name: "Inclination", axes: xyz, words: "specific force by the inclinometers", si: ["m/s²", "m_per_s2", 1], other: ["g", "g", 1 / g0]},
   {key: "attitude", name: "Attitude", axes: ["roll", "pitch", "yaw"], words: "as the unit reports it", si: ["rad", "rad", 1], other: ["deg", "deg", degrees],
     read: ({attitude}, i) => attitude?.[i] && euler(attitude[i])},
   {key: "position", name: "Position", axes: ["north", "east", "up"], words: "measured", si: ["m", "m", 1]},  // from the first one that is shown

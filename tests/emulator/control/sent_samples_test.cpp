@@ -82,6 +82,38 @@ TEST_F(SentSamples, NothingLeavesWhileASensorIsSilentForWantOfTruth) {
   EXPECT_EQ(imud.stop(), 0);
 }
 
+// At rest the inclinometers of a STIM300 measure gravity, with errors of their own; a MIP unit has none.
+TEST_F(SentSamples, AUnitWithInclinometersShowsWhatTheyMeasure) {
+  std::string config = fmt::format("clock = \"lockstep\"\n[control]\nsocket = \"{}\"\n[truth]\nport = \"{}\"\n",
+                                   path("socket"), simulator_.port());
+  for (const char* const protocol : {"stim300", "mip"})
+    config += fmt::format("[[imu]]\nname = \"{0}\"\nprotocol = \"{0}\"\nport = \"udp:127.0.0.1:9\"\n", protocol);
+  Program imud("imud");
+  start(imud, write("config.toml", config));
+  Truth truth;
+  truth.acknowledge = truth.has_specific_force = true;
+  truth.specific_force_B = {0, 0, -units::standard_gravity};
+  json samples[2];
+  for (const std::size_t imu : {0U, 1U}) {
+    ControlClient client(path("socket"));
+    const json wanted = {{"what", "samples"}, {"imu", imu == 0 ? "stim300" : "mip"}};
+    ASSERT_TRUE(client.call("subscribe", wanted).contains("result"));
+    for (int i = 0; i < 10; ++i, ++truth.sequence, truth.time.ns += 20'000'000)
+      ASSERT_TRUE(simulator_.exchange(truth)) << truth.sequence;
+    samples[imu] = client.notification("samples");
+    ASSERT_FALSE(samples[imu].is_null());
+  }
+  ASSERT_TRUE(samples[0].contains("inclination")) << samples[0];
+  ASSERT_EQ(samples[0]["inclination"].size(), samples[0]["k"].size());
+  const json inclination = samples[0]["inclination"].back(), force = samples[0]["specific_force"].back();
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    EXPECT_NEAR(inclination.at(axis).get<double>(), axis == 2 ? -units::standard_gravity : 0, 0.2) << axis;
+    EXPECT_NE(inclination.at(axis), force.at(axis)) << axis;
+  }
+  EXPECT_FALSE(samples[1].contains("inclination")) << samples[1];
+  EXPECT_EQ(imud.stop(), 0);
+}
+
 // A vehicle at rest at 48 degrees north, 500 m high.
 TEST_F(SentSamples, AUnitWithAFilterShowsItsSolutionWithItsErrors) {
   const std::string config = write(
