@@ -12,7 +12,7 @@
 namespace imud {
 namespace {
 
-// Copy the same bytes as an assignment, which copies each number alone, because Eigen's is not trivial.
+// These copy as bytes what an assignment copies. Eigen's assignment is not trivial, and copies each number alone.
 void copy_all(const MotionState& from, MotionState& to) noexcept {
   static_assert(std::is_trivially_destructible_v<MotionState>);
   std::memcpy(static_cast<void*>(&to), &from, sizeof to);
@@ -133,8 +133,7 @@ void Imu::disturb(const MotionState& now, TruthTime time, double dt, Disturbed& 
     vibration_.add_to({input.rate, input.delta_angle, input.specific_force, input.delta_velocity}, time, dt);
 }
 
-// Inline, as sense() is, because this is most of the work of a step. `Out` is a Sample or a Measured. Changes the
-// true increments.
+// Inline, as sense() is, because this is most of the work of a step. `Out` is a Sample or a Measured.
 template <bool Rare, class Out>
 [[gnu::always_inline]] inline void Imu::measure(const MotionState& now, TruthTime time, std::uint64_t k, double dt,
                                                 double since_power_on, bool begins_run, Lanes delta_angle,

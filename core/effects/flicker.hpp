@@ -32,7 +32,7 @@ class Flicker {
   static constexpr double nodes = 16;  // the least number of nodes of a process in its correlation time
   Flicker(const TriadErrors& errors, Quantity quantity, double period_s);
   bool is_on() const noexcept { return on_; }
-  // Sample k lies in (first, first + stride], so that its step lies within one segment.
+  // The step of a sample lies within one segment: a segment has `stride` samples after the one at its begin.
   void apply(TriadStep& step) noexcept {
     const std::uint64_t before = std::max<std::uint64_t>(step.k, 1) - 1, within = before % octaves_[0].stride;
     if (step.k == 0 || (within == 0 && before > 0)) begin_segment(step.normals, before);

@@ -1,5 +1,6 @@
 // Rotations in vector registers: the functions of core/attitude.hpp and of Eigen that every sample needs, with the
-// same bits, for about half of the instructions. A quaternion has the lanes x, y, z, w.
+// same bits, for about half of the instructions. A quaternion has the lanes x, y, z, w. Functions without a comment
+// have the arguments and results of log(), exp(), right_jacobian() and inverse_right_jacobian() there.
 #pragma once
 
 #include "core/numbers/elementary.hpp"

@@ -1,5 +1,5 @@
-// Lanes: the values of three axes side by side in vector registers, with a fourth lane that is not used. Lanes are
-// for the effects that act on every sample; elsewhere Vector3 is simpler.
+// Lanes: the values of three axes side by side in vector registers. The fourth lane of a vector may have any value; a
+// quaternion uses all four. Lanes are for what acts on every sample; elsewhere Vector3 is simpler.
 #pragma once
 
 #include <array>

@@ -15,7 +15,7 @@
 namespace imud {
 
 struct LoopOptions {
-  PaceOptions pace;                  // where no clock of the host paces, the time to spin begins with each wait
+  PaceOptions pace;                  // where no clock of the host paces, `spin` is at the begin of each wait
   std::optional<Nanoseconds> limit;  // of simulation time: the run of a capture ends there
   Epoch epoch = Epoch::none;         // of the grids of samples; none unless the truth is live
 };

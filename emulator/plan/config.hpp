@@ -81,7 +81,7 @@ struct RealtimeConfig {
   int priority = 70;            // SCHED_FIFO; 0: an ordinary thread
   std::optional<unsigned> cpu;  // nullopt: any
   bool lock_memory = true;
-  // Time for which the thread spins before each instant, or, where samples wait for truth, at the begin of each wait.
+  // Time for which the thread spins before each instant, or at the begin of a wait where no clock of the host paces.
   Nanoseconds spin{0};                               // not negative
   Nanoseconds skip_after = std::chrono::seconds(1);  // frames of samples later than this are not sent; positive
   Epoch epoch = Epoch::none;                         // of the grids of samples, where the truth is live

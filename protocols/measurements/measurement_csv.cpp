@@ -80,10 +80,6 @@ class RowReader {
   std::string_view rest_;
 };
 
-}  // namespace
-
-namespace {
-
 std::size_t write_fields(const Sample& sample, std::uint32_t fields, std::span<char, measurement_csv_row_max> row,
                          int digits) noexcept {
   const auto carried = [&](Measurement::Field field) { return (fields & field) != 0; };

@@ -25,7 +25,7 @@ inline constexpr std::size_t measurement_csv_row_max = 384;
 std::size_t write_measurement_csv(const Measurement& measurement, std::span<char, measurement_csv_row_max> row,
                                   int digits = all_digits) noexcept;
 
-// Writes a row with all fields of a sample.
+// Writes a row with all fields of a sample, and its LF; returns its length.
 std::size_t write_measurement_csv(const Sample& sample, std::span<char, measurement_csv_row_max> row,
                                   int digits) noexcept;
 

@@ -190,11 +190,11 @@ bool ColumnTruthDecoder::read_plain(std::string_view row) noexcept {
   for (std::size_t column = 0; column < columns_.count(); ++column) {
     const std::size_t wanted = columns_.wanted_at(column);
     std::size_t size = 0;
-    // Many columns are "0".
-    const bool is_character = row.size() > 1 && row[1] == columns_.delimiter() && row[0] != columns_.delimiter();
+    // Many fields are one character, "0". These need neither a search for the delimiter nor from_chars().
+    const bool is_one_character = row.size() > 1 && row[1] == columns_.delimiter() && row[0] != columns_.delimiter();
     if (reads(wanted) && is_plain(fields_[wanted].kind)) {
       double number = 0;
-      if (is_character && row[0] >= '0' && row[0] <= '9') {
+      if (is_one_character && row[0] >= '0' && row[0] <= '9') {
         number = row[0] - '0';
         size = 1;
       } else {
@@ -204,7 +204,7 @@ bool ColumnTruthDecoder::read_plain(std::string_view row) noexcept {
       }
       if (reading_.set(fields_[wanted], number) != TruthResult::ok) return false;
     } else {
-      size = is_character ? 1 : std::min(row.find(columns_.delimiter()), row.size());
+      size = is_one_character ? 1 : std::min(row.find(columns_.delimiter()), row.size());
       if (reads(wanted) && reading_.set(fields_[wanted], row.substr(0, size)) != TruthResult::ok) return false;
     }
     if (size == row.size()) return column + 1 == columns_.count();

@@ -156,8 +156,7 @@ struct Register {
 inline constexpr std::size_t kept_count = 35;
 extern const std::array<Register, kept_count> kept;
 
-// Registers 23, 25 and 84: turns sensed values into compensated ones.
-// A matrix that is the identity in most units. Its product costs nothing then, and has the same bits.
+// A matrix that is the identity in most units. The product is left out there if it cannot change a bit.
 class Gain {
  public:
   Gain() = default;
@@ -175,6 +174,7 @@ class Gain {
   bool is_identity_ = true;
 };
 
+// Registers 23, 25 and 84: turns sensed values into compensated ones.
 struct Calibration {
   Gain gain;
   Vector3 bias = Vector3::Zero();

@@ -35,7 +35,7 @@ constexpr auto pairs = [] {
 
 // Writes the four digits of `number`, which must be below 10^4.
 void write_four(char* at, std::uint32_t number) noexcept {
-  const std::uint32_t hundreds = number * 5243U >> 19U;
+  const std::uint32_t hundreds = number * 5243U >> 19U;  // number / 100, for numbers below 10^4
   std::memcpy(at, &pairs[2 * hundreds], 2);
   std::memcpy(at + 2, &pairs[2 * (number - 100 * hundreds)], 2);
 }

@@ -208,6 +208,7 @@ TEST(Attitude, LanesHaveTheSameBits) {
     for (int i = 0; i < 3000; ++i) {
       const Vector3 phi = vector(), v = 10 * vector();
       const Quaternion a = exp(phi), b = exp(vector());
+      const Quaternion long_turn(i % 2 == 0 ? 0.0 : -0.0, 1.01, b.x(), b.y());  // its MRPs are longer than 1
       const Matrix3 matrix = a.toRotationMatrix();
       ASSERT_TRUE(has_same_bits(vector_of(cross(lanes(phi), lanes(v))), phi.cross(v)));
       ASSERT_EQ(squared_norm(lanes(v)), v.squaredNorm());
@@ -216,6 +217,7 @@ TEST(Attitude, LanesHaveTheSameBits) {
       ASSERT_TRUE(has_same_bits(vector_of(rotate(lanes(a), lanes(v))), Vector3(a * v)));
       ASSERT_TRUE(has_same_bits(vector_of(log_of_rotation(lanes(a))), log(a)));
       ASSERT_TRUE(has_same_bits(vector_of(log_of_rotation(-lanes(a))), log(Quaternion(-a.coeffs()))));
+      ASSERT_TRUE(has_same_bits(vector_of(log_of_rotation(lanes(long_turn))), log(long_turn)));
       ASSERT_TRUE(has_same_bits(quaternion_of(exp_of_rotation(lanes(phi))), a));
       ASSERT_TRUE(has_same_bits(vector_of(right_jacobian(lanes(phi), lanes(v))), right_jacobian(phi, v)));
       ASSERT_TRUE(

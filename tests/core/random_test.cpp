@@ -79,20 +79,27 @@ TEST(Uniform, IsInsideTheIntervalAndSymmetric) {
 }
 
 TEST(Normals, AreThePhiloxWordsThroughTheInverse) {
-  const std::uint64_t seed = 0x9e3779b97f4a7c15, k = 0x123456789abc;
+  const std::uint64_t seed = 0x9e3779b97f4a7c15;
   const std::uint32_t stream = stream_id("imu1");
   const Normals of_imu(seed, stream);
-  const Vector3 even = of_imu(Quantity::specific_force, Process::gauss_markov, k);
-  const Vector3 odd = of_imu(Quantity::specific_force, Process::gauss_markov, k + 1);
-  for (std::uint32_t axis = 0; axis < 3; ++axis) {
-    const auto words = r123::Philox4x32{}({{0x2b3c4d5e, 0x91a, 1U << 4U | axis, stream}}, {{0x7f4a7c15, 0x9e3779b9}});
-    const auto expected = [&](std::size_t i) {
-      const std::uint64_t bits = std::uint64_t{words[i + 1]} << 32U | words[i];
-      return inverse_normal_cdf((static_cast<double>(bits >> 12U) + 0.5) * 0x1p-52);
-    };
-    EXPECT_EQ(even[static_cast<int>(axis)], expected(0));
-    EXPECT_EQ(odd[static_cast<int>(axis)], expected(2));
-  }
+  // Also across the carry of the counter's words, and enough for both tails.
+  for (const std::uint64_t first : {std::uint64_t{0}, std::uint64_t{1} << 33U, std::uint64_t{0x123456789abc}})
+    for (std::uint64_t k = std::max(first, std::uint64_t{1000}) - 1000; k < first + 1000; k += 2) {
+      const Vector3 even = of_imu(Quantity::specific_force, Process::gauss_markov, k);
+      const Vector3 odd = of_imu(Quantity::specific_force, Process::gauss_markov, k + 1);
+      for (std::uint32_t axis = 0; axis < 3; ++axis) {
+        const std::uint64_t counter = k / 2;
+        const auto words = r123::Philox4x32{}({{static_cast<std::uint32_t>(counter),
+                                                static_cast<std::uint32_t>(counter >> 32U), 1U << 4U | axis, stream}},
+                                              {{0x7f4a7c15, 0x9e3779b9}});
+        const auto expected = [&](std::size_t i) {
+          const std::uint64_t bits = std::uint64_t{words[i + 1]} << 32U | words[i];
+          return inverse_normal_cdf((static_cast<double>(bits >> 12U) + 0.5) * 0x1p-52);
+        };
+        ASSERT_EQ(even[static_cast<int>(axis)], expected(0)) << k;
+        ASSERT_EQ(odd[static_cast<int>(axis)], expected(2)) << k;
+      }
+    }
 }
 
 TEST(Normals, StreamIdIsFnv1a) {

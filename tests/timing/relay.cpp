@@ -71,7 +71,8 @@ class Relay {
         if (decoder->next(truth) != TruthResult::ok) break;
         timeline.push(truth);
         const Sample sample = imu.sample(timeline, truth.time, DeviceTime{truth.time.ns});
-        std::memcpy(buffer.data(), &sample.rate, frame_size);
+        static_assert(sizeof sample >= frame_size);
+        std::memcpy(buffer.data(), static_cast<const void*>(&sample), frame_size);
       }
       if (::write(master.get(), buffer.data(), frame_size) < 0) break;
     }
