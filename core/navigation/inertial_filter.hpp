@@ -101,8 +101,9 @@ class InertialFilter {
   Step corrected(const Vector3& delta_angle, const Vector3& delta_velocity, double dt) const noexcept {
     Step step = {delta_angle - dt * gyro_bias_, delta_velocity - dt * accelerometer_bias_};
     if (has_scale_factors()) {
-      step.delta_angle.array() /= 1 + e_.segment<3>(aid_count_).array();
-      step.delta_velocity.array() /= 1 + e_.segment<3>(aid_count_ + 3).array();
+      constexpr double least = 0.5;  // of 1 + s, so that no estimate makes the increments infinite; chosen
+      step.delta_angle.array() /= (1 + e_.segment<3>(aid_count_).array()).max(least);
+      step.delta_velocity.array() /= (1 + e_.segment<3>(aid_count_ + 3).array()).max(least);
     }
     return step;
   }

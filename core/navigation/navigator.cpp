@@ -71,6 +71,16 @@ void Navigator::restart() noexcept {
   given_.reset();
 }
 
+void Navigator::set_aids(const NavigationAids& aids) noexcept {
+  const double before = scale_sigmas().accelerometer;
+  aids_ = aids;
+  filter_.estimate_scale_factors(scale_sigmas());
+  if (!is_aligned_ || scale_sigmas().accelerometer == before) return;
+  // In gravity the scale factors were a part of the estimated bias, or will be a part of it.
+  const double in_gravity = units::standard_gravity * model_.accelerometer_scale_factor;
+  filter_.add_variance(InertialFilter::accelerometer_bias, square(in_gravity));
+}
+
 void Navigator::give(const GivenHeading& heading) noexcept {
   if (!is_aligned_) {
     alignment_.begin();

@@ -40,10 +40,7 @@ class Navigator {
   void set_seed(std::uint64_t seed) noexcept { normals_.set_seed(seed); }
   // Fixes (aid::position), antennas, magnetic headings and heights can be withheld. The magnetic field is the one of
   // the samples (OwnSolution).
-  void set_aids(const NavigationAids& aids) noexcept {
-    aids_ = aids;
-    filter_.estimate_scale_factors(scale_sigmas());
-  }
+  void set_aids(const NavigationAids& aids) noexcept;
   // Takes the heading of the platform at the last sample. While the filter aligns, the alignment begins its window
   // again, and ends with this heading. Later the filter turns to it at once, unless it is `only_in_alignment`.
   void give(const GivenHeading& heading) noexcept;

@@ -88,7 +88,7 @@ void Fields::put_filter(Packet& packet, std::uint8_t descriptor, DeviceTime at) 
     const Quaternion& q_PV = memory_.active().q_PV;
     const Vector3 unbiased = sensed - q_PV.conjugate() * bias_P;
     if (((*solution).*scale).isZero(0.0F)) return unbiased;
-    return q_PV.conjugate() * Vector3((q_PV * unbiased).array() / (1 + of_filter(scale).array()));
+    return q_PV.conjugate() * Vector3((q_PV * unbiased).array() / (1 + of_filter(scale).array()).max(0.5));
   };
   // A filter that does not estimate scale factors reports none. That the fields report them less 1 is an assumption.
   const auto put_scale = [&](Eigen::Vector3f Solution::*member, Eigen::Vector3f Solution::*sigma) {

@@ -175,7 +175,9 @@ TEST(InertialFilter, IsConsistentAfterASetHeading) {
   EXPECT_NEAR(sum / (2 * flights), 15, 1.9);
 }
 
-// The same of 21 states: the bounds are 4.9 standard deviations of the mean, sqrt(2 x 21/75), and sqrt(2 x 21/60).
+// The same of 21 states. The five epochs of a flight are correlated: the bound is between 2.2 standard deviations of
+// the mean, sqrt(2 x 21/15), and 4.9, sqrt(2 x 21/75). The seeds are fixed, so that only other arithmetic draws
+// again.
 constexpr Filter::ScaleSigmas half_a_percent = {5e-3, 5e-3};
 TEST(InertialFilter, IsConsistentWithScaleFactors) {
   double sum = 0;
@@ -189,7 +191,8 @@ TEST(InertialFilter, IsConsistentWithScaleFactors) {
   EXPECT_NEAR(sum / 75, 21, 3.7);
 }
 
-// Without aids the covariance is the one of the errors' growth alone, of which each flight is one draw.
+// Without aids the covariance is the one of the errors' growth alone, of which each flight is one draw: the bound
+// is 4.9 standard deviations of the mean, sqrt(2 x 21/60).
 TEST(InertialFilter, IsConsistentWithScaleFactorsWithoutAids) {
   double sum = 0;
   for (unsigned seed = 1; seed <= 60; ++seed) {
