@@ -243,30 +243,30 @@ TEST(SolutionStatus, TheReceiversOwnMessagesFollowItsFix) {
     std::size_t from, to;                                // of what the receiver measures
     std::size_t satellites, accuracy, bytes, per_metre;  // the accuracy along north, or the horizontal one; 0: none
   };
-  for (const auto& [product, name, from, to, satellites, accuracy, bytes, per_metre] :
-       {Message{"mavlink-hil", "HIL_GPS", 18, 46, 45, 30, 2, 100},
-        Message{"novatel-raw", "BESTGNSSPOS", 28, 100, 92, 68, 4, 0},
-        Message{"novatel-raw", "BESTGNSSVEL", 28, 72, 0, 0, 0, 0}}) {
-    SCOPED_TRACE(name);
+  for (const Message& message : {Message{"mavlink-hil", "HIL_GPS", 18, 46, 45, 30, 2, 100},
+                                 Message{"novatel-raw", "BESTGNSSPOS", 28, 100, 92, 68, 4, 0},
+                                 Message{"novatel-raw", "BESTGNSSVEL", 28, 72, 0, 0, 0, 0}}) {
+    SCOPED_TRACE(message.name);
     std::vector<std::vector<unsigned>> measured;
     const auto frames = message_in_phases(
-        product, name, {known, aligning(known), elsewhere, coasting(known, 30, drifted), lost, poor});
+        message.product, message.name, {known, aligning(known), elsewhere, coasting(known, 30, drifted), lost, poor});
     for (const std::vector<unsigned>& frame : frames)
-      measured.emplace_back(frame.begin() + static_cast<std::ptrdiff_t>(from),
-                            frame.begin() + static_cast<std::ptrdiff_t>(to));
+      measured.emplace_back(frame.begin() + static_cast<std::ptrdiff_t>(message.from),
+                            frame.begin() + static_cast<std::ptrdiff_t>(message.to));
     EXPECT_EQ(measured.at(1), measured.at(0)) << "aligning";
     EXPECT_EQ(measured.at(2), measured.at(0)) << "the filter is elsewhere";
     EXPECT_NE(measured.at(3), measured.at(0)) << "without a fix";
     EXPECT_EQ(measured.at(4), measured.at(3)) << "without a fix and a filter";
-    if (satellites == 0) continue;
-    EXPECT_EQ(frames[0].at(satellites), 9U);
-    EXPECT_EQ(frames[3].at(satellites), 0U);
-    EXPECT_EQ(frames[5].at(satellites), 4U);
+    if (message.satellites == 0) continue;
+    EXPECT_EQ(frames[0].at(message.satellites), 9U);
+    EXPECT_EQ(frames[3].at(message.satellites), 0U);
+    EXPECT_EQ(frames[5].at(message.satellites), 4U);
     const auto metres = [&](const std::vector<unsigned>& frame) {
-      const unsigned number = little_endian(frame, accuracy, bytes);
-      return per_metre == 0 ? double{std::bit_cast<float>(number)} : number / static_cast<double>(per_metre);
+      const unsigned number = little_endian(frame, message.accuracy, message.bytes);
+      return message.per_metre == 0 ? double{std::bit_cast<float>(number)}
+                                    : number / static_cast<double>(message.per_metre);
     };
-    const double north = per_metre == 0 ? 0.85 : 1.2;  // the horizontal accuracy is 0.85 sqrt(2)
+    const double north = message.per_metre == 0 ? 0.85 : 1.2;  // the horizontal accuracy is 0.85 sqrt(2)
     EXPECT_NEAR(metres(frames[0]), north, 0.005);
     EXPECT_NEAR(metres(frames[5]), 3 * north, 0.02);
   }
