@@ -290,8 +290,10 @@ TEST_F(LoopTest, EdgesThatComeWhileTheSensorIsSilentAreDiscarded) {
 
 // In lockstep the loop spins at the begin of each wait for truth, elsewhere before each instant.
 TEST_F(LoopTest, SpinsAsLongAsConfigured) {
-  for (const auto& [clock, capture] :
+  for (const auto& run :
        {std::pair{ClockMode::realtime, false}, {ClockMode::realtime, true}, {ClockMode::lockstep, false}}) {
+    const ClockMode clock = run.first;
+    const bool capture = run.second;
     Config c = config(200, "delay_ms = 20");
     SimulatedHost host;
     const HostTime begin = host.now();
