@@ -19,9 +19,9 @@ const GravitationModel flat_earth = {.kind = GravitationModel::Kind::constant};
 const InertialNoise mems = {1e-4, 1e-3, 1e-6, 1e-5};
 
 Vector3 draw(std::mt19937_64& random, double sigma) {
-  std::normal_distribution<double> normal(0, sigma);
-  const double x = normal(random), y = normal(random);
-  return {x, y, normal(random)};
+  std::normal_distribution<double> normal;  // a distribution with the standard deviation 0 is not allowed
+  const double x = sigma * normal(random), y = sigma * normal(random);
+  return {x, y, sigma * normal(random)};
 }
 
 // The standard deviations of the errors at the begin. Without aids they must be small, as the errors of the filter's
