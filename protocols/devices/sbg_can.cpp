@@ -38,7 +38,6 @@ double imu_status(const Reading& reading) noexcept {
                                                                     : 0xFF;
   return tests | (accelerometers ? 0x100U : 0U) | (gyros ? 0x200U : 0U);
 }
-constexpr MeasuredQuantity imu_status_word = {.name = "imu_status", .help = "", .get = imu_status};
 
 bool is_in(const Reading& reading, Solution::State state) noexcept {
   return reading.sample.solution && reading.sample.solution->state == state;
@@ -159,48 +158,30 @@ double gps_course_accuracy(const Reading& reading) noexcept {
 // AIR_DATA_STATUS (doc/binaryMessages.md): bit 1: the pressure is valid, bit 2: the altitude is valid.
 double air_data_status(const Reading& reading) noexcept { return reading.sample.pressure > 0 ? 6 : 0; }
 
-constexpr MeasuredQuantity clock_word = {.name = "clock_status", .help = "", .get = clock_status};
-constexpr MeasuredQuantity aiding_word = {.name = "aiding_status", .help = "", .get = aiding_status};
-constexpr MeasuredQuantity solution_word = {.name = "solution_status", .help = "", .get = solution_status};
-template <int Angle>
-constexpr MeasuredQuantity angle_deviation = {.name = "accuracy", .help = "", .get = angle_accuracy<Angle>};
-template <int Axis>
-constexpr MeasuredQuantity position_deviation = {
-    .name = "accuracy", .help = "", .get = accuracy<&Solution::position, Axis>};
-template <int Axis>
-constexpr MeasuredQuantity velocity_deviation = {
-    .name = "accuracy", .help = "", .get = accuracy<&Solution::velocity, Axis>};
+// The number that a function of this file returns, as a quantity.
+template <double (*Get)(const Reading&) noexcept>
+constexpr MeasuredQuantity quantity = {.name = "own", .help = "", .get = Get};
 
-constexpr MeasuredQuantity gps_position_word = {.name = "gps_status", .help = "", .get = gps_position_status};
-constexpr MeasuredQuantity gps_velocity_word = {.name = "gps_status", .help = "", .get = gps_velocity_status};
-template <int Axis>
-constexpr MeasuredQuantity gps_position_deviation = {
-    .name = "accuracy", .help = "", .get = gps_accuracy<&ReceiverAccuracy::position, Axis>};
-template <int Axis>
-constexpr MeasuredQuantity gps_velocity_deviation = {
-    .name = "accuracy", .help = "", .get = gps_accuracy<&ReceiverAccuracy::velocity, Axis>};
-constexpr MeasuredQuantity gps_course_deviation = {.name = "accuracy", .help = "", .get = gps_course_accuracy};
-constexpr MeasuredQuantity air_data_word = {.name = "air_data_status", .help = "", .get = air_data_status};
-
-constexpr CanSignal own(std::string_view name, unsigned start, unsigned length, double scale,
-                        const MeasuredQuantity& quantity) {
+template <double (*Get)(const Reading&) noexcept>
+constexpr CanSignal own(std::string_view name, unsigned start, unsigned length, double scale) {
   return {.name = name,
           .start = start,
           .length = length,
           .encoding = intel_unsigned,
           .scale = scale,
-          .quantity = &quantity};
+          .quantity = &quantity<Get>};
 }
 
 constexpr CanSignal time_stamp = {"TIME_STAMP", 0, 32, intel_unsigned, 1, 0, "time_us"};
 
 // GENERAL_STATUS: power, settings, temperature, logger and processor are good. COM_STATUS: no error on the ports A to
 // E (bits 0 to 14), nor on the CAN bus (25 to 27), whose state is 2, good (28 to 30).
-constexpr CanSignal status_01[] = {
-    time_stamp, {.name = "GENERAL", .start = 32, .length = 16, .initial = 0x7F}, own("CLOCK", 48, 16, 1, clock_word)};
+constexpr CanSignal status_01[] = {time_stamp,
+                                   {.name = "GENERAL", .start = 32, .length = 16, .initial = 0x7F},
+                                   own<clock_status>("CLOCK", 48, 16, 1)};
 constexpr CanSignal status_02[] = {{.name = "COM", .start = 0, .length = 32, .initial = 0x2E007FFF},
-                                   own("AIDING", 32, 32, 1, aiding_word)};
-constexpr CanSignal status_03[] = {own("SOLUTION", 0, 32, 1, solution_word),
+                                   own<aiding_status>("AIDING", 32, 32, 1)};
+constexpr CanSignal status_03[] = {own<solution_status>("SOLUTION", 0, 32, 1),
                                    {.name = "HEAVE_STATUS", .start = 32, .length = 16, .initial = 0}};
 constexpr CanSignal utc_0[] = {time_stamp, {"GPS_TOW", 32, 32, intel_unsigned, 1, 0, "gps_time_of_week_ms"}};
 constexpr CanSignal utc_1[] = {{"YEAR", 0, 8, intel_unsigned, 1, 2000, "utc_year"},
@@ -210,10 +191,9 @@ constexpr CanSignal utc_1[] = {{"YEAR", 0, 8, intel_unsigned, 1, 2000, "utc_year
                                {"MIN", 32, 8, intel_unsigned, 1, 0, "utc_minute"},
                                {"SEC", 40, 8, intel_unsigned, 1, 0, "utc_second"},
                                {"MICRO_SEC", 48, 16, intel_unsigned, 100, 0, "utc_subsecond_us"}};
-constexpr CanSignal imu_info[] = {
-    time_stamp,
-    {.name = "STATUS", .start = 32, .length = 16, .encoding = intel_unsigned, .quantity = &imu_status_word},
-    {"TEMPERATURE", 48, 16, intel_signed, temperature_lsb, 0, "temperature_c"}};
+constexpr CanSignal imu_info[] = {time_stamp,
+                                  own<imu_status>("STATUS", 32, 16, 1),
+                                  {"TEMPERATURE", 48, 16, intel_signed, temperature_lsb, 0, "temperature_c"}};
 constexpr CanSignal imu_accel[] = {{"ACCEL_X", 0, 16, intel_signed, accel_lsb, 0, "specific_force_x_m_per_s2"},
                                    {"ACCEL_Y", 16, 16, intel_signed, accel_lsb, 0, "specific_force_y_m_per_s2"},
                                    {"ACCEL_Z", 32, 16, intel_signed, accel_lsb, 0, "specific_force_z_m_per_s2"}};
@@ -236,22 +216,22 @@ constexpr CanSignal ekf_quat[] = {{"Q0", 0, 16, intel_signed, 1.0 / 32767, 0, "q
 constexpr CanSignal ekf_euler[] = {{"ROLL", 0, 16, intel_signed, 1e-4, 0, "roll_rad"},
                                    {"PITCH", 16, 16, intel_signed, 1e-4, 0, "pitch_rad"},
                                    {"YAW", 32, 16, intel_signed, 1e-4, 0, "yaw_rad"}};
-constexpr CanSignal ekf_orientation_acc[] = {own("ROLL_ACC", 0, 16, 1e-4, angle_deviation<0>),
-                                             own("PITCH_ACC", 16, 16, 1e-4, angle_deviation<1>),
-                                             own("YAW_ACC", 32, 16, 1e-4, angle_deviation<2>)};
+constexpr CanSignal ekf_orientation_acc[] = {own<angle_accuracy<0>>("ROLL_ACC", 0, 16, 1e-4),
+                                             own<angle_accuracy<1>>("PITCH_ACC", 16, 16, 1e-4),
+                                             own<angle_accuracy<2>>("YAW_ACC", 32, 16, 1e-4)};
 constexpr CanSignal ekf_pos[] = {{"LATITUDE", 0, 32, intel_signed, 1e-7, 0, "latitude_deg"},
                                  {"LONGITUDE", 32, 32, intel_signed, 1e-7, 0, "longitude_deg"}};
 constexpr CanSignal ekf_altitude[] = {{"ALTITUDE", 0, 32, intel_signed, 1e-3, 0, "height_m"},
                                       {"UNDULATION", 32, 16, intel_signed, 5e-3, 0}};
-constexpr CanSignal ekf_pos_acc[] = {own("LATITUDE_ACC", 0, 16, 0.01, position_deviation<0>),
-                                     own("LONGITUDE_ACC", 16, 16, 0.01, position_deviation<1>),
-                                     own("ALTITUDE_ACC", 32, 16, 0.01, position_deviation<2>)};
+constexpr CanSignal ekf_pos_acc[] = {own<accuracy<&Solution::position, 0>>("LATITUDE_ACC", 0, 16, 0.01),
+                                     own<accuracy<&Solution::position, 1>>("LONGITUDE_ACC", 16, 16, 0.01),
+                                     own<accuracy<&Solution::position, 2>>("ALTITUDE_ACC", 32, 16, 0.01)};
 constexpr CanSignal ekf_vel_ned[] = {{"VELOCITY_N", 0, 16, intel_signed, 0.01, 0, "velocity_north_m_per_s"},
                                      {"VELOCITY_E", 16, 16, intel_signed, 0.01, 0, "velocity_east_m_per_s"},
                                      {"VELOCITY_D", 32, 16, intel_signed, 0.01, 0, "velocity_down_m_per_s"}};
-constexpr CanSignal ekf_vel_ned_acc[] = {own("VELOCITY_ACC_N", 0, 16, 0.01, velocity_deviation<0>),
-                                         own("VELOCITY_ACC_E", 16, 16, 0.01, velocity_deviation<1>),
-                                         own("VELOCITY_ACC_D", 32, 16, 0.01, velocity_deviation<2>)};
+constexpr CanSignal ekf_vel_ned_acc[] = {own<accuracy<&Solution::velocity, 0>>("VELOCITY_ACC_N", 0, 16, 0.01),
+                                         own<accuracy<&Solution::velocity, 1>>("VELOCITY_ACC_E", 16, 16, 0.01),
+                                         own<accuracy<&Solution::velocity, 2>>("VELOCITY_ACC_D", 32, 16, 0.01)};
 constexpr CanSignal ekf_vel_body[] = {{"VELOCITY_X", 0, 16, intel_signed, 0.01, 0, "velocity_x_m_per_s"},
                                       {"VELOCITY_Y", 16, 16, intel_signed, 0.01, 0, "velocity_y_m_per_s"},
                                       {"VELOCITY_Z", 32, 16, intel_signed, 0.01, 0, "velocity_z_m_per_s"}};
@@ -261,29 +241,29 @@ constexpr CanSignal mag_1[] = {{"MAG_X", 0, 16, intel_signed, 1e-3, 0, "magnetic
                                {"MAG_Y", 16, 16, intel_signed, 1e-3, 0, "magnetic_field_y_au"},
                                {"MAG_Z", 32, 16, intel_signed, 1e-3, 0, "magnetic_field_z_au"}};
 constexpr CanSignal air_data_info[] = {time_stamp,
-                                       own("AIR_DATA_STATUS", 32, 8, 1, air_data_word),
+                                       own<air_data_status>("AIR_DATA_STATUS", 32, 8, 1),
                                        {.name = "AIR_TEMPERATURE", .start = 40, .length = 16, .initial = 0}};
 constexpr CanSignal air_data_altitude[] = {{"PRESSURE_ABS", 0, 32, intel_unsigned, 1e-3, 0, "pressure_pa"},
                                            {"ALTITUDE", 32, 32, intel_signed, 1e-3, 0, "pressure_altitude_m"}};
-constexpr CanSignal gps1_vel_info[] = {time_stamp, own("GPS_VEL_STATUS", 32, 32, 1, gps_velocity_word)};
+constexpr CanSignal gps1_vel_info[] = {time_stamp, own<gps_velocity_status>("GPS_VEL_STATUS", 32, 32, 1)};
 constexpr CanSignal gps1_vel[] = {{"VEL_N", 0, 16, intel_signed, 0.01, 0, "gnss_velocity_north_m_per_s"},
                                   {"VEL_E", 16, 16, intel_signed, 0.01, 0, "gnss_velocity_east_m_per_s"},
                                   {"VEL_D", 32, 16, intel_signed, 0.01, 0, "gnss_velocity_down_m_per_s"}};
-constexpr CanSignal gps1_vel_acc[] = {own("VEL_ACC_N", 0, 16, 0.01, gps_velocity_deviation<0>),
-                                      own("VEL_ACC_E", 16, 16, 0.01, gps_velocity_deviation<1>),
-                                      own("VEL_ACC_D", 32, 16, 0.01, gps_velocity_deviation<2>)};
+constexpr CanSignal gps1_vel_acc[] = {own<gps_accuracy<&ReceiverAccuracy::velocity, 0>>("VEL_ACC_N", 0, 16, 0.01),
+                                      own<gps_accuracy<&ReceiverAccuracy::velocity, 1>>("VEL_ACC_E", 16, 16, 0.01),
+                                      own<gps_accuracy<&ReceiverAccuracy::velocity, 2>>("VEL_ACC_D", 32, 16, 0.01)};
 constexpr CanSignal gps1_course[] = {{"COURSE", 0, 16, intel_unsigned, 0.01, 0, "gnss_track_deg%360"},
-                                     own("COURSE_ACC", 16, 16, 0.01 * units::degree, gps_course_deviation)};
-constexpr CanSignal gps1_pos_info[] = {time_stamp, own("GPS_POS_STATUS", 32, 32, 1, gps_position_word)};
+                                     own<gps_course_accuracy>("COURSE_ACC", 16, 16, 0.01 * units::degree)};
+constexpr CanSignal gps1_pos_info[] = {time_stamp, own<gps_position_status>("GPS_POS_STATUS", 32, 32, 1)};
 constexpr CanSignal gps1_pos[] = {{"LATITUDE", 0, 32, intel_signed, 1e-7, 0, "gnss_latitude_deg"},
                                   {"LONGITUDE", 32, 32, intel_signed, 1e-7, 0, "gnss_longitude_deg"}};
 constexpr CanSignal gps1_pos_alt[] = {{"ALTITUDE", 0, 32, intel_signed, 1e-3, 0, "gnss_height_m"},
                                       {"UNDULATION", 32, 16, intel_signed, 5e-3, 0},
                                       {"NUM_SV", 48, 8, intel_unsigned, 1, 0, "gnss_satellites"},
                                       {.name = "DIFF_CORR_AGE", .start = 56, .length = 8, .initial = 0xFF}};
-constexpr CanSignal gps1_pos_acc[] = {own("LAT_ACC", 0, 16, 0.01, gps_position_deviation<0>),
-                                      own("LONG_ACC", 16, 16, 0.01, gps_position_deviation<1>),
-                                      own("ALT_ACC", 32, 16, 0.01, gps_position_deviation<2>),
+constexpr CanSignal gps1_pos_acc[] = {own<gps_accuracy<&ReceiverAccuracy::position, 0>>("LAT_ACC", 0, 16, 0.01),
+                                      own<gps_accuracy<&ReceiverAccuracy::position, 1>>("LONG_ACC", 16, 16, 0.01),
+                                      own<gps_accuracy<&ReceiverAccuracy::position, 2>>("ALT_ACC", 32, 16, 0.01),
                                       {.name = "BASE_STATION_ID", .start = 48, .length = 16, .initial = 0xFFFF}};
 
 constexpr SignalProductMessage messages[] = {

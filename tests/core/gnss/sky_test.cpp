@@ -86,7 +86,7 @@ TEST(Sky, HasNoMemory) {
   }
 }
 
-// Of several orbits of a satellite the nearest in time holds, and hides it where it is not healthy.
+// The orbit that is nearest in time holds if a satellite has several. It hides the satellite if it is not healthy.
 TEST(Sky, TheNearestOrbitHolds) {
   constexpr std::int64_t hours_2 = 7'200'000'000'000;
   GnssModel model = model_with_mask(5), of_two = model;

@@ -55,7 +55,7 @@ class Flight {
     const double walk = std::sqrt(Filter::scale_growth * dt);
     scale_walk_ = {walk * scale.gyro, walk * scale.accelerometer};
   }
-  // Of the sensors, less 1.
+  // Sets the scale factors of the sensors; each is given less 1.
   void set_scale_factors(const Vector3& gyro, const Vector3& accelerometer) { scale_ << gyro, accelerometer; }
 
   void step() {
@@ -81,7 +81,7 @@ class Flight {
     }
   }
 
-  // Of the states; then of the scale factors.
+  // Returns the errors of the 15 states, and after them the errors of the scale factors.
   Eigen::Matrix<double, 21, 1> errors() const {
     Eigen::Matrix<double, 21, 1> error;
     error << log(truth_.state().q_NP * filter_.motion().q_NP.conjugate()), truth_.state().v_N - filter_.motion().v_N,

@@ -71,8 +71,8 @@ TEST(YumaAlmanac, AFaultHasALineAndARemedy) {
   EXPECT_NE(why(unhealthy, "", "").find("no satellite is healthy; give another almanac"), std::string::npos);
 }
 
-// Of test/data/rinex/brdc1820.10n of RTKLIB 71db0ff, the broadcast ephemerides of 2010-07-01: the header shortened,
-// and records of the satellites 1, which was not healthy, and 2.
+// These are the broadcast ephemerides of 2010-07-01, test/data/rinex/brdc1820.10n of RTKLIB 71db0ff, with a shorter
+// header, and with records of the satellites 1, which was not healthy, and 2.
 const std::string rinex_2 = R"(     2              NAVIGATION DATA                         RINEX VERSION / TYPE
 IGS BROADCAST EPHEMERIS FILE                                COMMENT
                                                             END OF HEADER
@@ -102,8 +102,8 @@ IGS BROADCAST EPHEMERIS FILE                                COMMENT
     0.345600000000D+06 0.000000000000D+00 0.000000000000D+00 0.000000000000D+00
 )";
 
-// Of georinex 95ef1d8, src/georinex/tests/data: the header shortened and two records of
-// BRDM00DLR_R_20130010000_01D_MN.rnx, the first of GLONASS, and one of demo_nav3.17n.
+// These are records of georinex 95ef1d8, src/georinex/tests/data: two of BRDM00DLR_R_20130010000_01D_MN.rnx with a
+// shorter header, the first of GLONASS, and one of demo_nav3.17n.
 const std::string rinex_3 = R"(     3.02           NAVIGATION DATA     M (Mixed)           RINEX VERSION / TYPE
                                                             END OF HEADER
 R01 2013 01 01 00 15 00-1.750094816089e-04 0.000000000000e+00 1.728000000000e+05
