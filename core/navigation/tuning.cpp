@@ -31,6 +31,8 @@ Tuning tuning_of(const TriadErrors& errors, double internal_hz) {
         square(errors.scale_factor[i] - 1) + (errors.misalignment - Matrix3::Identity()).row(i).squaredNorm() +
         square(errors.unit_sigma.scale_factor[i]) + square(errors.turn_on_sigma.scale_factor[i]) +
         errors.unit_sigma.misalignment.row(i).squaredNorm() + errors.turn_on_sigma.misalignment.row(i).squaredNorm();
+    // The two parts of scale2, whose sum would round otherwise than scale2, and change the bits of filters of 15
+    // states.
     const double scale_factor2 = square(errors.scale_factor[i] - 1) + square(errors.unit_sigma.scale_factor[i]) +
                                  square(errors.turn_on_sigma.scale_factor[i]);
     const double misalignment2 = (errors.misalignment - Matrix3::Identity()).row(i).squaredNorm() +
