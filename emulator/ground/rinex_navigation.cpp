@@ -128,12 +128,10 @@ const Columns& columns_by_header(Text& text) {
   const std::string_view first = text.take();
   const std::optional<double> version = fortran_number(cut(first, 0, 9), 0, 100);
   if (!version || *version < 2 || *version >= 4)
-    throw text.fault(fmt::format("the version \"{}\" is not read; give a file of RINEX 2 or 3", cut(first, 0, 9)));
+    throw text.fault(fmt::format("the version {:?} is not read; give a file of RINEX 2 or 3", cut(first, 0, 9)));
   if (const std::string_view type = cut(first, 20, 1); type != "N")
-    throw text.fault(
-        fmt::format("a file of the type \"{}\" has no ephemerides of GPS; give a navigation file, of the "
-                    "type \"N\"",
-                    type));
+    throw text.fault(fmt::format(
+        "a file of the type {:?} has no ephemerides of GPS; give a navigation file, of the type \"N\"", type));
   while (!text.ended())
     if (cut(text.take(), label_column, 20) == "END OF HEADER") return *version < 3 ? columns_of_2 : columns_of_3;
   throw text.fault("the header has no end; give a line \"END OF HEADER\" in column 61");

@@ -6,11 +6,11 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <array>
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
-#include <iterator>
 #include <system_error>
 
 #include "transports/file/output_path.hpp"
@@ -88,7 +88,13 @@ std::string read_whole(const std::string& path) {
   std::ifstream file(path, std::ios::binary);
   check(file.is_open());
   if (std::filesystem::is_directory(path)) throw std::system_error(EISDIR, std::generic_category());
-  std::string content(std::istreambuf_iterator<char>(file), {});
+  std::string content;
+  std::array<char, 65536> piece;
+  do {
+    file.read(piece.data(), piece.size());
+    content.append(piece.data(), static_cast<std::size_t>(file.gcount()));
+    if (content.size() > most_read) throw std::system_error(EFBIG, std::generic_category());
+  } while (file);
   check(!file.bad());
   return content;
 }

@@ -41,7 +41,10 @@ class TextFile {
   FileDescriptor file_;
 };
 
-// Returns the content of a file. Throws std::system_error with the cause if it cannot be read; a folder cannot.
+inline constexpr std::size_t most_read = 64'000'000;  // bytes; ephemerides of a day from all stations have some 10 MB
+
+// Returns the content of a file. Throws std::system_error with the cause if it cannot be read, as a folder and a file
+// of more than `most_read` bytes, so that a device without an end does not fill the memory.
 std::string read_whole(const std::string& path);
 
 }  // namespace imud

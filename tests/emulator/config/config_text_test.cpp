@@ -78,6 +78,8 @@ TEST_F(ConfigTextTest, WhatIsWrongWithTheFileIsNamed) {
   const std::string folder = std::filesystem::path(path_).parent_path();
   EXPECT_THROW(read_config_text(folder, {}, faults_), ConfigError);
   EXPECT_TRUE(contains(faults_.all().back(), "cannot be read: Is a directory"));
+  EXPECT_THROW(read_config_text("/dev/zero", {}, faults_), ConfigError);
+  EXPECT_TRUE(contains(faults_.all().back(), "cannot be read: File too large"));
 }
 
 TEST_F(ConfigTextTest, AllErrorsOfSyntaxAreNamedAtOnce) {

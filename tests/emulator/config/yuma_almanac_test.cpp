@@ -206,6 +206,8 @@ TEST(RinexNavigation, AFaultHasALineAndARemedy) {
   EXPECT_EQ(why_not_rinex(rinex_2), "none");
   EXPECT_EQ(why_not_rinex(changed(rinex_2, "     2 ", "     4 ")),
             "line 1: the version \"4\" is not read; give a file of RINEX 2 or 3");
+  EXPECT_EQ(why_not_rinex(changed(rinex_2, "     2 ", "  2\x1B[2J")),  // a terminal would obey it
+            "line 1: the version \"2\\x1b[2J\" is not read; give a file of RINEX 2 or 3");
   EXPECT_EQ(why_not_rinex(changed(rinex_2, "NAVIGATION DATA ", "OBSERVATION DATA")),
             "line 1: a file of the type \"O\" has no ephemerides of GPS; give a navigation file, of the type \"N\"");
   EXPECT_EQ(why_not_rinex(changed(rinex_2, "END OF HEADER", "end of header")),
@@ -289,6 +291,7 @@ TEST_F(ReceiverKeysTest, AreChecked) {
   EXPECT_NE(said_of("gnss_almanac = \"\"\ngnss_mask_deg = 5\n").find("needs gnss_almanac"), std::string::npos);
   std::filesystem::create_directory(folder_ / "folder");
   EXPECT_NE(said_of("gnss_almanac = \"folder\"\n").find("Is a directory"), std::string::npos);
+  EXPECT_TRUE(contains(said_of("gnss_almanac = \"/dev/zero\"\n"), "/dev/zero: cannot be read: File too large"));
   EXPECT_TRUE(contains(said_of(almanac, "2027-01-07T16:44:30Z"), "more than 13 weeks from earth.start"));
   EXPECT_TRUE(contains(said_of("gnss_almanac = \"none.yuma\"\n"), "none.yuma: cannot be read"));
   EXPECT_TRUE(contains(said_of("gnss_mask_deg = 10\n"), "gnss_mask_deg: needs gnss_almanac"));
