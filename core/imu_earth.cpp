@@ -1,9 +1,11 @@
 // The measurements of an Imu that depend on its place on the Earth.
+#include <algorithm>
+
 #include "core/imu.hpp"
 
 namespace imud {
 
-// Gives a known place the position and velocity that S had before.
+// Gives a known place the position and velocity that S had before, but not before the oldest truth that is kept.
 void Imu::delay(const Timeline& timeline, const MotionState& now, Navigation& navigation) const noexcept {
   PositionVelocity before = timeline.position(now.time - navigation_.latency());
   if (!navigation.is_known || !before.is_known) return;
@@ -13,6 +15,7 @@ void Imu::delay(const Timeline& timeline, const MotionState& now, Navigation& na
   const std::int64_t gps_ns = navigation.gps_ns;
   const Geodetic origin = navigation.origin;
   navigation = delayed;
+  navigation.age = std::min(navigation_.latency(), now.time - before.time);
   navigation.gps_ns = gps_ns;
   navigation.origin = origin;
 }

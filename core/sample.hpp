@@ -48,7 +48,8 @@ struct Navigation {
   std::uint8_t satellites = 12;        // the number that a receiver with a fix uses
   float accuracy_factor = 1;           // the factor on the reported accuracies of position and velocity
   Dilution dilution = {};              // of a receiver with an almanac (gnss/sky.hpp)
-  std::int64_t gps_ns = 0;             // GPS time, ns since 1980-01-06
+  std::int64_t gps_ns = 0;             // GPS time of the sample, ns since 1980-01-06
+  Nanoseconds age{0};                  // of position and velocity, not negative: by latency, and since a fix
   double latitude = 0, longitude = 0;  // rad, geodetic, WGS 84
   double height = 0;                   // m, above the ellipsoid
   Vector3 r_E = Vector3::Zero();       // m
@@ -90,7 +91,10 @@ struct Solution {
   // The same of the scale factors, less 1; 0 where the filter does not estimate them.
   Eigen::Vector3f gyro_scale = Eigen::Vector3f::Zero(), accelerometer_scale = Eigen::Vector3f::Zero(),
                   gyro_scale_sigma = Eigen::Vector3f::Zero(), accelerometer_scale_sigma = Eigen::Vector3f::Zero();
-  Navigation receiver = {};  // the receiver's fix; Sample::navigation is the filter's place
+  // The receiver's last fix, with the time of the sample; Sample::navigation is the filter's place.
+  Navigation receiver = {};
+  bool has_epochs = false;        // the receiver makes fixes at a rate of its own (navigation/receiver_fix.hpp)
+  std::uint32_t since_epoch = 0;  // if has_epochs: samples since the last epoch; 0: the fix was made at this sample
 };
 
 // One output of the sensor.
@@ -99,8 +103,15 @@ struct Sample {
   DeviceTime stamp() const noexcept { return time + Nanoseconds{stamp_error_ns}; }
   // The fix of the unit's receiver.
   const Navigation& fix() const noexcept { return solution ? solution->receiver : navigation; }
+  // The time from the instant of the fix to this sample. It is 0 if the receiver makes a fix with each sample: then
+  // the latency is not reported.
+  Nanoseconds fix_age() const noexcept {
+    return solution && solution->has_epochs ? solution->receiver.age : Nanoseconds{0};
+  }
   // The place whose GPS time is reported: the receiver's fix while a filter has no place.
   const Navigation& timed() const noexcept { return navigation.is_known ? navigation : fix(); }
+  // The GPS time of the instant of the fix, ns since 1980-01-06; without a fix the time of the sample, 0 if unknown.
+  std::int64_t fix_gps_ns() const noexcept { return (fix().is_known ? fix() : timed()).gps_ns - fix_age().count(); }
 
   DeviceTime time;                           // the device's own time at the end of the step
   std::uint64_t counter = 0;                 // the number of the sample: 0 for the first after the start

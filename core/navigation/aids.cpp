@@ -27,7 +27,7 @@ bool Navigator::use(std::uint16_t aid, const InertialFilter::Measurement& measur
 }
 
 void Navigator::use_fix(const Sample& sample, const At& at) noexcept {
-  const Navigation& fix = sample.fix();
+  const Navigation& fix = sample.navigation;
   const std::uint64_t lag = past_.size() - 1;
   if (!has_fix(sample) || number_ < aligned_at_ + lag) return;
   const PositionVelocity measured = in_N(fix, at);
@@ -119,7 +119,7 @@ Vector3 Navigator::baseline_L(const Sample& sample) const noexcept {
 
 void Navigator::use_antennas(const Sample& sample, const At& at) noexcept {
   const Navigation here = place(at);
-  if (!sample.fix().is_known || !here.is_known) return;
+  if (!sample.navigation.is_known || !here.is_known) return;
   const Quaternion q_LN = earth_.q_LN(position_of(at), here);
   const Vector3 measured = baseline_L(sample), estimated = q_LN * (filter_.motion().q_NP * Vector3::UnitX());
   constexpr double least2 = 0.03;  // of the horizontal part: within 10 degrees of the vertical there is no heading
@@ -172,7 +172,7 @@ void Navigator::use_rest(const Sample& sample, const At& at, double dt) noexcept
   forget(aid::zero_velocity);
   Navigation here = place(at);
   if (!*is_at_rest || !here.is_known) return;
-  if (!is_slow(here, sample.fix())) {
+  if (!is_slow(here, sample.navigation)) {
     rejected_ |= aid::zero_velocity;
     ++rests_.rejected;
     return;

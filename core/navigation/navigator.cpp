@@ -52,6 +52,7 @@ Navigator::Navigator(const NavigatorModel& model, const ImuModel& imu, const Nor
       fix_every_(samples_between(imu.rate_hz, model_.gnss_rate_hz)),
       heading_every_(samples_between(imu.rate_hz, model_.magnetic_rate_hz)),
       height_every_(samples_between(imu.rate_hz, model_.barometer_rate_hz)),
+      receiver_(fix_every_),
       position_error_(AidErrors(model_).position),
       velocity_error_(AidErrors(model_).velocity),
       height_error_(AidErrors(model_).height),
@@ -69,6 +70,7 @@ void Navigator::restart() noexcept {
   up_P_.reset();
   number_ = 0;
   given_.reset();
+  receiver_.restart();
 }
 
 void Navigator::set_aids(const NavigationAids& aids) noexcept {
@@ -104,13 +106,14 @@ double Navigator::step(const Sample& sample) noexcept {
 }
 
 void Navigator::take_at_rest(Sample& sample) noexcept {
-  sample.solution.emplace().receiver = sample.navigation;
-  write_aligning(sample, step(sample));
+  const double dt = step(sample);
+  receiver_.report(sample.navigation, dt, sample.solution.emplace());
+  write_aligning(sample, dt);
 }
 
 void Navigator::take(Sample& sample, TruthTime time, std::optional<double> earth_angle) noexcept {
   const double dt = step(sample);
-  const Navigation& fix = sample.solution.emplace().receiver = sample.navigation;
+  const Navigation& fix = sample.navigation;
   if (fix.is_known) {
     origin_ = fix.origin;
     receiver_clock_ns_ = fix.gps_ns - start_gps_ns_ - (time - TruthTime{}).count();
@@ -121,7 +124,12 @@ void Navigator::take(Sample& sample, TruthTime time, std::optional<double> earth
   if (held_s_ <= longest_hold_s)
     at_ = {is_held && is_aligned_ ? std::max(time, at_.time + nanoseconds(dt)) : time, earth_angle};
   const At& at = at_;
-  if (!is_aligned_ && !is_held) align(sample, at, dt);
+  if (!is_aligned_ && !is_held) {
+    align(sample, at, dt);
+    if (is_aligned_) receiver_.restart();  // the filter begins with the fix of this sample
+  }
+  const bool is_epoch = receiver_.is_epoch();
+  receiver_.report(fix, dt, sample.solution.emplace());
   if (!is_aligned_) return write_aligning(sample, dt);
   if (dt > 0 && held_s_ <= longest_hold_s && number_ != aligned_at_) {
     filter_.advance(sample.delta_angle, sample.delta_velocity, dt);
@@ -131,11 +139,12 @@ void Navigator::take(Sample& sample, TruthTime time, std::optional<double> earth
   const std::uint64_t since = number_ - aligned_at_;
   if (!is_held && since > 0) {
     if (is_rejecting_) review(sample, at, dt);
-    if (fix_every_ > 0 && since % fix_every_ == 0) {
+    const bool is_due = is_epoch && fix_every_ > 0;
+    if (is_due) {
       forget(aid::position | aid::velocity);
       use_fix(sample, at);
     }
-    if (fix_every_ > 0 && since % fix_every_ == 0 && model_.antennas_heading > 0) {
+    if (is_due && model_.antennas_heading > 0) {
       forget(aid::antennas_heading);
       if (has_antennas()) use_antennas(sample, at);
     }
@@ -171,7 +180,7 @@ void Navigator::hold(bool is_held, TruthTime time, double dt) noexcept {
 
 void Navigator::align(const Sample& sample, const At& at, double dt) noexcept {
   if (number_++ > 0 && dt > 0) alignment_.add(sample.delta_angle, sample.delta_velocity, dt, sample.magnetic_field);
-  const Navigation& fix = sample.fix();
+  const Navigation& fix = sample.navigation;
   // Without a velocity, or a heading that is waited for, the attitude is levelled on, and the window begins later.
   if (!has_fix(sample) || (aids_.waits && !given_)) {
     has_begun_ = false;
@@ -221,7 +230,7 @@ std::optional<Navigator::Aligned> Navigator::coarse_attitude(const PositionVeloc
   const double t = window_->time_s();
   const Vector3 first_N = now.v_N - *first_v_N_ - t * gravitation_N(filter_.gravitation(), now.r_N);
   const Vector3 first_P0 = window_->delta_velocity_P0();
-  const Quaternion from_L = q_NL(now, sample.fix());
+  const Quaternion from_L = q_NL(now, sample.navigation);
   Vector3 second_N, second_P0;
   Vector2 sigma = {
       model_.accelerometer_bias / units::standard_gravity + 2.0 * model_.velocity.x() / (units::standard_gravity * t),
@@ -241,13 +250,13 @@ std::optional<Navigator::Aligned> Navigator::coarse_attitude(const PositionVeloc
     add_tilt(baseline_L(sample));
     second_P0 = alignment_.q_P0P() * Vector3::UnitX();
   } else if (!window_->magnetic_field_P0().isZero(0.0)) {
-    const Vector3 field_L = earth_.magnetic_field_L(sample.fix());
+    const Vector3 field_L = earth_.magnetic_field_L(sample.navigation);
     second_N = from_L * field_L;
     add_tilt(field_L);
     second_P0 = window_->magnetic_field_P0();
   } else {
     constexpr double slowest = 2.0, sideslip = 0.17;  // m/s, rad
-    const Vector3 course_L(sample.fix().v_L.x(), sample.fix().v_L.y(), 0.0);
+    const Vector3 course_L(sample.navigation.v_L.x(), sample.navigation.v_L.y(), 0.0);
     if (course_L.squaredNorm() < slowest * slowest) return std::nullopt;
     second_N = from_L * course_L;
     second_P0 = window_->q_P0P() * Vector3::UnitX();
@@ -260,7 +269,7 @@ std::optional<Navigator::Aligned> Navigator::coarse_attitude(const PositionVeloc
 void Navigator::begin_filter(const PositionVelocity& now, const Sample& sample, const At& at, const Quaternion& q_NP,
                              const Vector2& sigma, double more_gyro_bias) noexcept {
   using Inertial = InertialFilter;
-  const Matrix3 axes = q_NL(now, sample.fix()).toRotationMatrix();
+  const Matrix3 axes = q_NL(now, sample.navigation).toRotationMatrix();
   Inertial::Covariance P = Inertial::Covariance::Zero();
   P.block<3, 3>(Inertial::phi, Inertial::phi) = turned(axes, {sigma.x(), sigma.x(), sigma.y()});
   P.block<3, 3>(Inertial::velocity, Inertial::velocity) =

@@ -9,6 +9,7 @@
 #include "core/navigation/coarse_alignment.hpp"
 #include "core/navigation/inertial_filter.hpp"
 #include "core/navigation/navigation_requests.hpp"
+#include "core/navigation/receiver_fix.hpp"
 #include "core/navigation/rest_detector.hpp"
 #include "core/numbers/random.hpp"
 #include "core/sample.hpp"
@@ -44,9 +45,9 @@ class Navigator {
   // Takes the heading of the platform at the last sample. While the filter aligns, the alignment begins its window
   // again, and ends with this heading. Later the filter turns to it at once, unless it is `only_in_alignment`.
   void give(const GivenHeading& heading) noexcept;
-  // Replaces the place and the attitude of a sample by the filter's solution. On entry, the place must be the
-  // receiver's fix, and the attitude the true one; faults may have changed both. `time` is the time of the truth that
-  // the sample measured; `earth_angle` is PositionVelocity::earth_angle at this time.
+  // Replaces the place and the attitude of a sample by the filter's solution. On entry, the place must be the fix
+  // that the receiver would make at this sample, and the attitude the true one; faults may have changed both. `time`
+  // is the time of the truth that the sample measured; `earth_angle` is PositionVelocity::earth_angle at this time.
   void take(Sample& sample, TruthTime time, std::optional<double> earth_angle) noexcept;
 
   // Does the same for a vehicle at rest before the first truth of a run. The solution is then aligning.
@@ -104,7 +105,7 @@ class Navigator {
   }
   bool is_slow(const Navigation& here, const Navigation& fix) const noexcept;
   bool has(std::uint16_t aid) const noexcept { return (aids_.withheld & aid) == 0; }
-  bool has_fix(const Sample& sample) const noexcept { return sample.fix().is_known && has(aid::position); }
+  bool has_fix(const Sample& sample) const noexcept { return sample.navigation.is_known && has(aid::position); }
   bool has_antennas() const noexcept { return model_.antennas_heading > 0 && has(aid::antennas_heading); }
   // Clears the bits of `aids` in `used_` and `rejected_`. Called when an aid is due.
   void forget(unsigned aids) noexcept;
@@ -136,7 +137,8 @@ class Navigator {
   double period_s_;
   Nanoseconds latency_;
   std::uint64_t fix_every_, heading_every_, height_every_;  // samples; 0: never
-  int position_error_, velocity_error_, height_error_;      // InertialFilter::Measurement::error; -1: there is none
+  ReceiverFix receiver_;  // the fix that the unit reports; the filter uses the fixes of the same epochs
+  int position_error_, velocity_error_, height_error_;  // InertialFilter::Measurement::error; -1: there is none
   // The motion after each of the last samples, a ring by their numbers. A late fix is compared with the motion at its
   // own time. past_ is kept without the corrections by fixes; corrections_ is their sum, which is added at the
   // comparison, so that an error that one fix has corrected is not corrected again by the next.

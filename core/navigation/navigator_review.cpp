@@ -8,7 +8,7 @@
 namespace imud {
 
 void Navigator::review(const Sample& sample, const At& at, double dt) noexcept {
-  const Navigation& fix = sample.fix();
+  const Navigation& fix = sample.navigation;
   if (!has_fix(sample)) {
     has_begun_ = false;
     other_attitude_.reset();

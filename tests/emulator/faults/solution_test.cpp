@@ -62,7 +62,7 @@ TEST_F(SolutionTest, AlignsThenTracks) {
     if (solution[i].attitude_error > 179) {
       ++aligning;
       EXPECT_EQ(solution[i].status, 0x0005U) << i;  // aligning, with a fix
-      EXPECT_LT(metres_apart(solution[i], truth[i]), 10) << "the receiver's";
+      EXPECT_LT(metres_apart(solution[i], truth[i]), 15) << "the receiver's, of up to 0.2 s ago at 53 m/s";
       EXPECT_GT(solution[i].position_error, 0.1);
       continue;
     }
