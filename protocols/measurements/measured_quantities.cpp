@@ -143,7 +143,21 @@ double time_of_week(const Reading& r) noexcept {
 double gps_time(const Reading& r) noexcept { return 1e-9 * static_cast<double>(r.sample.timed().gps_ns); }
 double gps_week(const Reading& r) noexcept { return static_cast<double>(r.sample.timed().gps_ns / gps_week_ns); }
 
+double fix_time_of_week(const Reading& r) noexcept {
+  return 1e-9 * static_cast<double>(r.sample.fix_gps_ns() % gps_week_ns);
+}
+double fix_week(const Reading& r) noexcept { return static_cast<double>(r.sample.fix_gps_ns() / gps_week_ns); }
+
 double fix(const Reading& r) noexcept { return r.sample.fix().is_known ? 1 : 0; }
+// If every sample has a fix of its own, the fixes of a receiver of 10 Hz are new: in 5 ms of 100 ms.
+double is_new_fix(const Reading& r) noexcept {
+  const Navigation& timed = r.sample.timed();
+  if (r.sample.solution && r.sample.solution->has_epochs)
+    return r.sample.fix().is_known && r.sample.solution->since_epoch == 0 ? 1 : 0;
+  if (!timed.is_known) return 0;
+  const std::int64_t part = since<Nanoseconds, chrono::seconds>(utc_from_gps(timed.gps_ns)) / 100'000 % 1000;
+  return part >= 455 && part < 505 ? 1 : 0;
+}
 template <float Dilution::*Member>
 double dilution(const Reading& r) noexcept {
   const Navigation& receiver = r.sample.fix();
@@ -312,6 +326,11 @@ constexpr MeasuredQuantity quantities[] = {
     at_place("r_E_y", "", key_units::length, position<1>),
     at_place("r_E_z", "", key_units::length, position<2>),
     {"time", "clock of the sensor; wraps", key_units::time, nullptr, nullptr, time},
+    {.name = "gnss_time",
+     .help = "the same at the instant of the receiver's fix",
+     .units = key_units::time,
+     .kind = time,
+     .is_of_fix = true},
     at_time("utc_year", "UTC; all are 0 where the truth has no date", {}, utc<year>),
     at_time("utc_month", "", {}, utc<month>),
     at_time("utc_day", "", {}, utc<day>),
@@ -326,6 +345,9 @@ constexpr MeasuredQuantity quantities[] = {
     at_time("gps_time_of_week", "", key_units::time, time_of_week),
     at_time("gps_time", "since 1980-01-06", key_units::time, gps_time),
     with_fix("gnss_fix", "1 while the receiver has a fix, else 0", {}, fix),
+    with_fix("gnss_week", "GPS time of the fix; without a fix the present time", {}, fix_week),
+    with_fix("gnss_time_of_week", "", key_units::time, fix_time_of_week),
+    with_fix("gnss_is_new", "1 in a sample at which the receiver makes a fix, else 0", {}, is_new_fix),
     with_fix("gnss_satellites", "that the receiver uses", {}, satellites),
     with_fix("gnss_gdop", "its dilutions of precision: geometric", {}, dilution<&Dilution::geometric>),
     with_fix("gnss_pdop", "of the position", {}, dilution<&Dilution::position>),

@@ -52,7 +52,14 @@ struct MeasuredQuantity {
   // The condition for a meaningful value: the unit's place, the GPS time (Sample::timed()), or a fix of the
   // receiver is known. If the condition is not met, a text format may omit the quantity.
   enum class Needs : std::uint8_t { nothing, place, time, fix } needs = Needs::nothing;
+  bool is_of_fix = false;  // of Kind::time: at the instant of the receiver's fix. It is not read back
   bool is_known(const Sample& sample) const noexcept;
+  // Returns the sensor's clock that a quantity of Kind::time reports.
+  DeviceTime time_of(const Sample& sample) const noexcept {
+    return is_of_fix ? sample.stamp() - sample.fix_age() : sample.stamp();
+  }
+  // Returns true if the time of a measurement follows from the quantity.
+  bool is_clock() const noexcept { return kind == Kind::time && !is_of_fix; }
 };
 
 // A quantity in one of its units.

@@ -138,6 +138,7 @@ CanSignalCodec::Field CanSignalCodec::compiled(const CanSignal& signal) const {
       if (lsb_ns < 1 || lsb_ns > 1e15 || std::abs(lsb_ns - field.lsb * 1e9) > 1e-6 || signal.offset != 0)
         refuse(signal, "a clock needs a resolution of whole nanoseconds and the offset 0");
       field.time_lsb_ns = static_cast<std::int64_t>(lsb_ns);
+      field.is_read_back = in.quantity->is_clock();
     } else if (signal.scale != 1 || signal.offset != 0) {
       refuse(signal, "a counter or status needs the scale 1 and the offset 0");
     }
@@ -294,7 +295,7 @@ std::uint64_t CanSignalCodec::number_of(const Field& field, const Reading& readi
                                         unsigned& saturated) const noexcept {
   switch (field.quantity->kind) {
     case MeasuredQuantity::Kind::time: {
-      const std::int64_t ns = reading.sample.stamp().ns, rest = ns % field.time_lsb_ns;
+      const std::int64_t ns = field.quantity->time_of(reading.sample).ns, rest = ns % field.time_lsb_ns;
       const bool is_up = rest >= field.time_lsb_ns - rest, is_down = -rest > field.time_lsb_ns + rest;
       return static_cast<std::uint64_t>(ns / field.time_lsb_ns + (is_up ? 1 : is_down ? -1 : 0));
     }

@@ -38,6 +38,14 @@ inline Sample aided(const Sample& known, const PhaseSigmas& sigmas = {}) {
   sample.solution->receiver = known.navigation;
   return sample;
 }
+// The same between two epochs of a receiver, whose last fix is so old, and was made so many samples ago.
+inline Sample between_fixes(const Sample& known, Nanoseconds age, std::uint32_t since_epoch = 30) {
+  Sample sample = aided(known);
+  sample.solution->has_epochs = true;
+  sample.solution->receiver.age = age;
+  sample.solution->since_epoch = since_epoch;
+  return sample;
+}
 inline Sample coasting(const Sample& known, double since_fix_s, const PhaseSigmas& sigmas = {}) {
   Sample sample = navigating(known, Solution::State::coasting, sigmas);
   sample.solution->since_fix_s = static_cast<float>(since_fix_s);

@@ -79,8 +79,8 @@ std::uint64_t FrameLayout::number_of(const Field& field, const Reading& reading,
     case MeasuredQuantity::Kind::status:
       return counted(reading.sample.status);
     case MeasuredQuantity::Kind::time:
-      if (field.time_lsb_ns != 0) return rounded_time(field, reading.sample.stamp().ns);
-      si = 1e-9 * static_cast<double>(reading.sample.stamp().ns);
+      if (field.time_lsb_ns != 0) return rounded_time(field, field.quantity->time_of(reading.sample).ns);
+      si = 1e-9 * static_cast<double>(field.quantity->time_of(reading.sample).ns);
       break;
     case MeasuredQuantity::Kind::number:
       si = imud::number_of(*field.quantity, field.otherwise, reading, given);
@@ -241,7 +241,7 @@ std::optional<FrameLayout::Decoded> FrameLayout::decode(std::span<const std::byt
     }
     const double value = value_of(field, bits);
     if (!std::isfinite(value)) return std::nullopt;
-    if (field.quantity->kind == MeasuredQuantity::Kind::time) {
+    if (field.quantity->is_clock()) {
       measurement.sample.time.ns = std::llround(std::clamp(1e9 * value, -0x1p62, 0x1p62));
       measurement.fields |= Measurement::time;
     } else if (field.quantity->set != nullptr && field.modulus == 0) {

@@ -178,8 +178,8 @@ void FrameLayout::find_read_back() noexcept {
     if (field.source == Source::frame_counter) longest(frame_counter_, i);
     if (field.quantity == nullptr || field.source == Source::flag) continue;
     if (field.quantity->kind == MeasuredQuantity::Kind::counter) longest(counter_, i);
-    if (field.time_lsb_ns != 0) longest(clock_, i);
-    has_time_ |= field.quantity->kind == MeasuredQuantity::Kind::time;
+    if (field.time_lsb_ns != 0 && field.quantity->is_clock()) longest(clock_, i);
+    has_time_ |= field.quantity->is_clock();
     if (field.quantity->set != nullptr && field.modulus == 0) field.quantity->set(0, read);
   }
   components_ = read.components;

@@ -104,12 +104,13 @@ void TextLayout::Compiler::find_read_back() {
     if (piece.source.kind == Source::frame_counter && better(out_.frame_counter_, piece)) out_.frame_counter_ = i;
     if (quantity == nullptr) continue;
     out_.has_increments_ |= quantity->is_increment;
-    out_.has_time_ |= quantity->kind == MeasuredQuantity::Kind::time;
+    out_.has_time_ |= quantity->is_clock();
     if (quantity->kind == MeasuredQuantity::Kind::counter && better(out_.counter_, piece)) out_.counter_ = i;
     const double lsb_ns = piece.lsb * piece.source.in.factor * 1e9;
     if (quantity->kind == MeasuredQuantity::Kind::time && piece.source.modulus != 0 && piece.format.is_integer()) {
       if (piece.offset != 0 || lsb_ns < 1 || std::abs(lsb_ns - std::round(lsb_ns)) > 1e-6)
         refuse_element("{" + piece.text + "}: a clock with a modulus has an LSB of whole nanoseconds and no offset");
+      if (quantity->is_of_fix) continue;
       out_.clock_ = i;
       out_.time_lsb_ns_ = std::llround(lsb_ns);
     }

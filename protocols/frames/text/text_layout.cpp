@@ -49,7 +49,7 @@ double number_of(const TextPiece& piece, const Reading& reading, const MessageLa
   if (source.kind == Source::status) return is_set(source.bits, reading, state) != source.is_inverse ? 1 : 0;
   const MeasuredIn& in = source.in;
   const double si = in.quantity->kind == MeasuredQuantity::Kind::time
-                        ? 1e-9 * static_cast<double>(reading.sample.stamp().ns)
+                        ? 1e-9 * static_cast<double>(in.quantity->time_of(reading.sample).ns)
                         : imud::number_of(*in.quantity, source.otherwise, reading, given);
   if (piece.format.value() == TextFormat::Value::seconds) return si;
   if (piece.format.value() == TextFormat::Value::degrees) return si / units::degree;
@@ -240,7 +240,7 @@ bool TextLayout::read_field(std::size_t index, std::string_view text, ReadBack& 
   }
   const MeasuredQuantity& quantity = *source.in.quantity;
   if (quantity.kind == MeasuredQuantity::Kind::counter) return true;
-  const bool is_time = quantity.kind == MeasuredQuantity::Kind::time;
+  const bool is_time = quantity.is_clock();
   if (source.modulus != 0 || (!is_time && quantity.set == nullptr)) return true;
   const auto number = piece.format.read(text);
   if (!number) return piece.format.value() != TextFormat::Value::named;

@@ -272,6 +272,37 @@ TEST(SolutionStatus, TheReceiversOwnMessagesFollowItsFix) {
   }
 }
 
+// The receiver's messages have the time of its fix, 150 ms ago, and the flag of new data in the samples of the
+// epochs.
+TEST(SolutionStatus, TheReceiversOwnMessagesHaveTheTimeOfItsFix) {
+  Sample known = over_jena();
+  known.time.ns = 7'000'000'000;
+  const Sample old = between_fixes(known, std::chrono::milliseconds(150)), at_epoch = between_fixes(known, {}, 0);
+  const std::vector<Sample> samples = {known, old, coasting(known, 5)};
+  const unsigned now_ms = 1'440'000'001'000U % 604'800'000U;
+  for (const char* name : {"BESTGNSSPOS", "BESTGNSSVEL"}) {
+    Numbers times;
+    for (const auto& frame : message_in_phases("novatel-raw", name, samples))
+      times.push_back(little_endian(frame, 16, 4));
+    EXPECT_EQ(times, (Numbers{now_ms, now_ms - 150, now_ms})) << name;
+  }
+  Numbers times_us;
+  for (const auto& frame : message_in_phases("mavlink-hil", "HIL_GPS", samples))
+    times_us.push_back(little_endian(frame, 10, 4));
+  EXPECT_EQ(times_us, (Numbers{7'000'000, 6'850'000, 7'000'000}));
+
+  const std::size_t data = 39, gnss_time = 147, new_data = 153;  // behind the accuracies, the fix, and its place
+  Numbers times, is_new;
+  for (const Sample& sample : {known, old, at_epoch, coasting(known, 5)}) {
+    const std::vector<unsigned> frame = first_frames("inertiallabs-ins", sample);
+    EXPECT_EQ(little_endian(frame, data, 4), now_ms) << "of the solution";
+    times.push_back(little_endian(frame, gnss_time, 4));
+    is_new.push_back(frame.at(new_data));
+  }
+  EXPECT_EQ(times, (Numbers{now_ms, now_ms - 150, now_ms, now_ms}));
+  EXPECT_EQ(is_new, (Numbers{0, 0, 1, 0}));
+}
+
 // The accuracies that a unit reports are those of its own errors.
 TEST(SolutionStatus, AccuraciesAreTheReceiversOwn) {
   Line line(protocol_named("frame"), frame_settings(read_frames("mavlink-hil")));
