@@ -21,17 +21,20 @@ namespace imud::vectornav {
 class Quantities {
  public:
   Quantities(const Reading& reading, const Sums& sums) noexcept
-      : Quantities(reading, sums, reading.sample.timed(), reading.sample.solution.has_value()) {}
-  // Returns the quantities with place and accuracies of the receiver.
+      : Quantities(reading, sums, reading.sample.timed(), reading.sample.solution.has_value(), reading.age) {}
+  // Returns the quantities with place and accuracies of the receiver. The GPS time is the time of its fix: "Available
+  // at 5 Hz only" (VN-200 user manual UM004, page 44, whose example is at a multiple of 0.2 s).
   static Quantities of_receiver(const Reading& reading, const Sums& sums) noexcept {
-    return {reading, sums, reading.sample.fix(), false};
+    const Sample& sample = reading.sample;
+    const bool has_epochs = sample.solution && sample.solution->has_epochs;
+    return {reading, sums, sample.fix(), false, has_epochs ? -sample.fix_age() : reading.age};
   }
 
   // --- Time ---
   std::uint64_t since_start_ns() const noexcept { return static_cast<std::uint64_t>(r_.since_start.count()); }
   std::uint64_t gps_ns() const noexcept {
     const Navigation& known = navigation_.is_known ? navigation_ : s_.fix();
-    return knows_time() ? static_cast<std::uint64_t>(known.gps_ns + r_.age.count()) : 0;
+    return knows_time() ? static_cast<std::uint64_t>(known.gps_ns + since_sample_.count()) : 0;
   }
   std::uint16_t week() const noexcept { return static_cast<std::uint16_t>(gps_ns() / week_ns); }
   std::uint64_t time_of_week_ns() const noexcept { return gps_ns() % week_ns; }
@@ -146,8 +149,14 @@ class Quantities {
   }
 
  private:
-  Quantities(const Reading& reading, const Sums& sums, const Navigation& navigation, bool is_filter) noexcept
-      : r_(reading), s_(reading.sample), navigation_(navigation), sums_(sums), is_filter_(is_filter) {}
+  Quantities(const Reading& reading, const Sums& sums, const Navigation& navigation, bool is_filter,
+             Nanoseconds since_sample) noexcept
+      : r_(reading),
+        s_(reading.sample),
+        navigation_(navigation),
+        sums_(sums),
+        since_sample_(since_sample),
+        is_filter_(is_filter) {}
 
   bool is_filters_place() const noexcept { return is_filter_ && s_.navigation.is_known; }
   // Returns whether the time is known: from the receiver or, after its last fix, from the filter.
@@ -169,6 +178,7 @@ class Quantities {
   const Sample& s_;
   const Navigation& navigation_;
   const Sums& sums_;
+  Nanoseconds since_sample_;  // of the GPS time that is reported
   bool is_filter_;  // the attitude, its accuracy and the mode are the filter's, and the place once it is aligned
 };
 

@@ -128,6 +128,23 @@ TEST(VectorNavSolution, ReceiversReportTheirOwnFix) {
   EXPECT_NE(read(moved, "63").find("+095.7"), std::string::npos) << "the solution goes on";
 }
 
+// The receivers' data have the time of the fix, the solution the present time.
+TEST(VectorNavSolution, ReceiversReportTheTimeOfTheirFix) {
+  Unit unit({{"model", std::string("vn-300")}, {"async_type", std::int64_t{0}}});
+  const Sample known = at_30_north(90);
+  unit.sample = between_fixes(known, std::chrono::milliseconds(150));
+  const auto time_of_week = [&](const char* id) {
+    unit.run(1);
+    return std::stod(unit.ask("VNRRG," + std::string(id)).substr(10));
+  };
+  const double now = 1e-9 * static_cast<double>(known.navigation.gps_ns % gps_week_ns);
+  for (const char* id : {"58", "59"}) EXPECT_NEAR(time_of_week(id), now - 0.15, 2e-6) << id;
+  EXPECT_NEAR(std::stod(unit.ask("VNRRG,103").substr(11)), now - 0.15, 2e-6);
+  EXPECT_GT(time_of_week("63"), now - 1e-6) << "of the solution";
+  unit.sample = aided(known);
+  EXPECT_GT(time_of_week("58"), now - 1e-6) << "each sample has a fix";
+}
+
 // SyncOut follows the pulse of the receiver, which has none without a fix.
 TEST(VectorNavSolution, NoPulseWithoutAFix) {
   Unit unit({{"model", std::string("vn-300")}, {"async_type", std::int64_t{0}}});
