@@ -71,6 +71,7 @@ void Fields::set_sample(const Sample& sample) noexcept {
   sample_.specific_force = in_V(sample.specific_force - c.accelerometer_bias);
   sample_.magnetic_field = in_V(requests_.aids.compensated(sample.magnetic_field));
   sample_.q_LP = sample.q_LP * c.q_PV;
+  if (!sample.solution || sample.solution->since_epoch == 0) antennas_q_LV_ = sample_.q_LP;
   sample_.delta_angle = in_V(sample.delta_angle - c.gyro_bias / internal_hz);
   sample_.delta_velocity = in_V(sample.delta_velocity - c.accelerometer_bias / internal_hz);
   if (!filter_began_ && has_pulse(sample.time)) filter_began_ = sample.time;
@@ -137,6 +138,10 @@ void Fields::sent(std::uint8_t set, std::uint8_t descriptor) noexcept {
 
 std::int64_t Fields::true_gps_ns(DeviceTime at) const noexcept {
   return knows_time() ? sample_.timed().gps_ns + (at - sample_.time).count() : 0;
+}
+std::int64_t Fields::fix_gps_ns(DeviceTime at) const noexcept {
+  const bool has_time = sample_.solution && sample_.solution->has_epochs && sample_.fix().is_known;
+  return has_time ? sample_.fix_gps_ns() : true_gps_ns(at);
 }
 std::int64_t Fields::gps_ns(DeviceTime at) const noexcept {
   if (memory_.gps_update().count > 0) return at.ns + memory_.gps_update().offset_ns;

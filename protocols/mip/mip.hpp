@@ -213,6 +213,7 @@ class Fields {
   bool is_known() const noexcept { return sample_.navigation.is_known; }
   bool knows_time() const noexcept { return sample_.timed().is_known; }
   std::int64_t true_gps_ns(DeviceTime at) const noexcept;    // GPS time of a receiver; 0 if the truth has none
+  std::int64_t fix_gps_ns(DeviceTime at) const noexcept;     // the same at its fix; without a fix at `at`
   std::int64_t gnss_updates(DeviceTime at) const noexcept;   // GPS time, s, up to the last fix; 0 before the first
   std::int64_t since_pulse_s(DeviceTime at) const noexcept;  // 255: longer ago, or there was none
   bool has_week() const noexcept;
@@ -223,7 +224,8 @@ class Fields {
   OwnFigures figures_;
   Sample sample_;  // in V
   bool has_sampled_ = false;
-  std::optional<Navigation> last_fix_;  // since power-on or reset, of a unit with a filter of its own
+  Quaternion antennas_q_LV_ = Quaternion::Identity();  // the attitude at the receivers' last epoch
+  std::optional<Navigation> last_fix_;                 // since power-on or reset, of a unit with a filter of its own
   NavigationRequests requests_;
   std::array<Since, streams_of_a_device> since_;  // since each stream was last sent
   std::optional<DeviceTime> filter_began_;        // the first sample at which the filter could begin

@@ -281,13 +281,14 @@ void Fields::put_aiding_summaries(Packet& packet, DeviceTime at) const noexcept 
   }
 }
 
-// Writes the second of the week, the heading, its uncertainty, and flags: integers fixed, both receivers and the
-// offsets of their antennas valid. All are data of the receivers: they are valid with a fix, also while the filter
-// aligns, and zero without a fix, also while the filter navigates. The heading is the unit's: a sample has no other.
+// Writes the second of the week of the last measurement (mip_sdk, data_filter.hpp), the heading, its uncertainty, and
+// flags: integers fixed, both receivers and the offsets of their antennas valid. All are data of the receivers: they
+// are valid with a fix, also while the filter aligns, and zero without a fix, also while the filter navigates. The
+// heading is the unit's at the receivers' last epoch: a sample has no other.
 void Fields::put_dual_antenna(Packet& packet, DeviceTime at) const noexcept {
-  const Vector3 ypr = yaw_pitch_roll_from_dcm(sample_.q_LP.conjugate().toRotationMatrix());
+  const Vector3 ypr = yaw_pitch_roll_from_dcm(antennas_q_LV_.conjugate().toRotationMatrix());
   const bool is_fixed = sample_.fix().is_known;
-  packet.put_float(is_fixed ? 1e-9 * static_cast<double>(true_gps_ns(at) % gps_week_ns) : 0.0);
+  packet.put_float(is_fixed ? 1e-9 * static_cast<double>(fix_gps_ns(at) % gps_week_ns) : 0.0);
   packet.put_float(is_fixed ? ypr[0] : 0.0);
   packet.put_float(is_fixed ? figure_or(figures_.attitude.z(), heading_uncertainty) : 0.0);
   packet.put(static_cast<std::uint8_t>(is_fixed ? 2 : 0));
@@ -339,10 +340,10 @@ void Fields::put_gnss(Packet& packet, std::uint8_t descriptor, DeviceTime at) co
       break;
     }
     case 0x08:
-      put_utc(packet, true_gps_ns(at), if_known(0x03));
+      put_utc(packet, fix_gps_ns(at), if_known(0x03));
       break;
     case 0x09:
-      put_gps_time(packet, true_gps_ns(at));
+      put_gps_time(packet, fix_gps_ns(at));
       packet.put(if_known(0x03));
       break;
     case 0x0B:  // 3D or none

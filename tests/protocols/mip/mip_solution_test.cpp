@@ -2,9 +2,11 @@
 #include <gtest/gtest.h>
 
 #include <array>
+#include <cmath>
 #include <vector>
 
 #include "core/attitude.hpp"
+#include "core/gps_time.hpp"
 #include "core/units.hpp"
 #include "tests/protocols/mip/mip_unit.hpp"
 #include "tests/protocols/solution_phases.hpp"
@@ -134,6 +136,37 @@ TEST(MipSolution, AntennasHaveAHeadingWithAFix) {
   EXPECT_EQ(tail(aligning(known)), fixed);
   EXPECT_EQ(tail(aided(known)), fixed);
   EXPECT_EQ(tail(coasting(known, 5)), none);
+}
+
+// The receivers' time, and the one of their heading, which stays between two epochs.
+TEST(MipSolution, ReceiversReportTheTimeOfTheirFix) {
+  const Sample known = over_boulder();
+  const double now = 1e-9 * static_cast<double>(known.navigation.gps_ns % gps_week_ns);
+  Unit unit({{"model", std::string("3dm-gx5-45")}});
+  EXPECT_EQ(unit.code(command(0x0C, 0x0F, {1, 0x81, 2, 0x08, 0, 1, 0x09, 0, 1})), 0);
+  const auto gnss = [&](const Sample& sample) {
+    unit.sample = sample;
+    Bytes last;
+    for (const Bytes& one : unit.run(500))
+      if (one[2] == 0x81) last = one;
+    return last;
+  };
+  const Bytes old = gnss(between_fixes(known, std::chrono::milliseconds(150)));
+  EXPECT_NEAR(number_at<double>(field(old, 0x09), 0), now - 0.15, 1e-9);
+  const Bytes utc = field(old, 0x08);
+  EXPECT_EQ(number_at<std::uint32_t>(utc, 7), static_cast<unsigned>(std::lround(1e3 * (now - 0.15))) % 1000U) << "ms";
+  EXPECT_NEAR(number_at<double>(field(gnss(aided(known)), 0x09), 0), now, 1e-9) << "each sample has a fix";
+
+  FilterUnit gq7("3dm-gq7", {0x49});
+  Sample east = between_fixes(known, std::chrono::milliseconds(100), 0);
+  east.q_LP = exp(Vector3(0, 0, units::pi / 2));
+  const auto heading = [&](const Sample& sample) { return number(field(gq7.packet(sample), 0x49), 1); };
+  EXPECT_NEAR(heading(east), units::pi / 2, 1e-6);
+  EXPECT_NEAR(heading(between_fixes(known, std::chrono::milliseconds(150))), units::pi / 2, 1e-6) << "as measured";
+  EXPECT_NEAR(number(field(gq7.packet(between_fixes(known, std::chrono::milliseconds(150))), 0x49), 0), now - 0.15,
+              0.04)
+      << "a float";
+  EXPECT_NEAR(heading(between_fixes(known, {}, 0)), 0, 1e-6);
 }
 
 // A receiver that has lost its fix goes on with its last place, but not into another alignment.
