@@ -231,7 +231,7 @@ class DroneCanDevice final : public Device {
         broadcast(type, priority, auxiliary_of(sample.fix()).bytes(), out);
         break;
       case gnss_fix2.id:
-        broadcast(type, priority, fix2_of(sample.fix(), figures_, time).bytes(), out);
+        broadcast(type, priority, fix2_of(sample, figures_, time).bytes(), out);
         break;
       default: {
         constexpr double zero_celsius = 273.15;

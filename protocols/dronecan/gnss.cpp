@@ -14,13 +14,14 @@ constexpr double unknown = std::numeric_limits<double>::quiet_NaN();
 
 }  // namespace
 
-PackedPayload<gnss_fix2_size> fix2_of(const Navigation& navigation, const OwnFigures& figures,
+PackedPayload<gnss_fix2_size> fix2_of(const Sample& sample, const OwnFigures& figures,
                                       std::uint64_t time_us) noexcept {
   // The definition counts leap seconds since 1972, 9 of them before 1980: UTC = GPS - number + 9.
   constexpr std::int64_t leaps_before_gps = 9;
+  const Navigation& navigation = sample.fix();
   const bool is_fixed = navigation.is_known;
   const auto utc_us =
-      std::chrono::floor<std::chrono::microseconds>(utc_from_gps(navigation.gps_ns)).time_since_epoch();
+      std::chrono::floor<std::chrono::microseconds>(utc_from_gps(sample.fix_gps_ns())).time_since_epoch();
   PackedPayload<gnss_fix2_size> fix;
   fix.put(time_us, 56);
   fix.put(is_fixed ? static_cast<std::uint64_t>(utc_us.count()) : 0, 56);

@@ -1,10 +1,13 @@
 // DroneCAN: the measurements, byte for byte as pydronecan encodes them (github.com/dronecan/pydronecan at 08cda37,
 // DSDL at b4653c7), and transfers of several frames.
+#include <algorithm>
 #include <cmath>
 
 #include "core/units.hpp"
+#include "protocols/dronecan/gnss.hpp"
 #include "protocols/dronecan/messages.hpp"
 #include "tests/protocols/dronecan/dronecan_unit.hpp"
+#include "tests/protocols/solution_phases.hpp"
 
 namespace imud {
 namespace {
@@ -82,6 +85,17 @@ TEST(DroneCan, SendsTheFixOfAReceiver) {
             "1404272A#1F211F211F29C300 1404272A#3D60");
   place.accuracy_factor = 2;
   EXPECT_NE(unit.sample(sample).find("#06003C003C004C2"), std::string::npos) << "four times the variance";
+}
+
+TEST(DroneCan, AFixHasItsOwnTime) {
+  Sample known;
+  known.navigation.is_known = true;
+  known.navigation.gps_ns = 1'400'000'000'250'000'000;
+  Sample earlier = known;
+  earlier.navigation.gps_ns -= 150'000'000;
+  const auto old = dronecan::fix2_of(between_fixes(known, 150ms), {}, 0), wanted = dronecan::fix2_of(earlier, {}, 0);
+  EXPECT_TRUE(std::ranges::equal(old.bytes(), wanted.bytes()));
+  EXPECT_FALSE(std::ranges::equal(old.bytes(), dronecan::fix2_of(aided(known), {}, 0).bytes()));
 }
 
 TEST(DroneCan, AReceiverWithoutAPlaceHasNoFix) {
