@@ -11,9 +11,9 @@
 // is 0, so that the altitude is the height above the ellipsoid. The arbitrary unit of the magnetometer is assumed to
 // be 50 uT.
 //
-// The messages GPS1 are the fix of the unit's receiver, whatever its solution is, with the time of the sample.
-// AIR_DATA is the unit's barometer, whose altitude is "referenced to a standard 1013.25 hPa zero level pressure". The
-// heading of two antennas (GPS1_HDT) is not sent.
+// The messages GPS1 are the last fix of the unit's receiver, whatever its solution is, with the time of the fix
+// ("position timestamp"). AIR_DATA is the unit's barometer, whose altitude is "referenced to a standard 1013.25 hPa
+// zero level pressure". The heading of two antennas (GPS1_HDT) is not sent.
 #include <algorithm>
 #include <cmath>
 
@@ -140,10 +140,7 @@ double gps_velocity_status(const Reading& reading) noexcept {
 template <Vector3 ReceiverAccuracy::*Member, int Axis>
 double gps_accuracy(const Reading& reading) noexcept {
   constexpr double largest = Member == &ReceiverAccuracy::position ? largest_position : largest_velocity;
-  const Navigation& fix = reading.sample.fix();
-  if (!fix.is_known) return largest;
-  const OwnFigures figures = reading.figures != nullptr ? *reading.figures : OwnFigures{};
-  return std::min(largest, (receiver_accuracy(fix, figures).*Member)[Axis]);
+  return reading.sample.fix().is_known ? std::min(largest, (receiver_accuracy(reading).*Member)[Axis]) : largest;
 }
 // Returns the standard deviation of the course, rad, at most pi, by the horizontal velocity and its accuracy.
 double gps_course_accuracy(const Reading& reading) noexcept {
@@ -172,7 +169,8 @@ constexpr CanSignal own(std::string_view name, unsigned start, unsigned length, 
           .quantity = &quantity<Get>};
 }
 
-constexpr CanSignal time_stamp = {"TIME_STAMP", 0, 32, intel_unsigned, 1, 0, "time_us"};
+constexpr CanSignal time_stamp = {"TIME_STAMP", 0, 32, intel_unsigned, 1, 0, "time_us"},
+                    fix_time_stamp = {"TIME_STAMP", 0, 32, intel_unsigned, 1, 0, "gnss_time_us"};
 
 // GENERAL_STATUS: power, settings, temperature, logger and processor are good. COM_STATUS: no error on the ports A to
 // E (bits 0 to 14), nor on the CAN bus (25 to 27), whose state is 2, good (28 to 30).
@@ -245,7 +243,7 @@ constexpr CanSignal air_data_info[] = {time_stamp,
                                        {.name = "AIR_TEMPERATURE", .start = 40, .length = 16, .initial = 0}};
 constexpr CanSignal air_data_altitude[] = {{"PRESSURE_ABS", 0, 32, intel_unsigned, 1e-3, 0, "pressure_pa"},
                                            {"ALTITUDE", 32, 32, intel_signed, 1e-3, 0, "pressure_altitude_m"}};
-constexpr CanSignal gps1_vel_info[] = {time_stamp, own<gps_velocity_status>("GPS_VEL_STATUS", 32, 32, 1)};
+constexpr CanSignal gps1_vel_info[] = {fix_time_stamp, own<gps_velocity_status>("GPS_VEL_STATUS", 32, 32, 1)};
 constexpr CanSignal gps1_vel[] = {{"VEL_N", 0, 16, intel_signed, 0.01, 0, "gnss_velocity_north_m_per_s"},
                                   {"VEL_E", 16, 16, intel_signed, 0.01, 0, "gnss_velocity_east_m_per_s"},
                                   {"VEL_D", 32, 16, intel_signed, 0.01, 0, "gnss_velocity_down_m_per_s"}};
@@ -254,7 +252,7 @@ constexpr CanSignal gps1_vel_acc[] = {own<gps_accuracy<&ReceiverAccuracy::veloci
                                       own<gps_accuracy<&ReceiverAccuracy::velocity, 2>>("VEL_ACC_D", 32, 16, 0.01)};
 constexpr CanSignal gps1_course[] = {{"COURSE", 0, 16, intel_unsigned, 0.01, 0, "gnss_track_deg%360"},
                                      own<gps_course_accuracy>("COURSE_ACC", 16, 16, 0.01 * units::degree)};
-constexpr CanSignal gps1_pos_info[] = {time_stamp, own<gps_position_status>("GPS_POS_STATUS", 32, 32, 1)};
+constexpr CanSignal gps1_pos_info[] = {fix_time_stamp, own<gps_position_status>("GPS_POS_STATUS", 32, 32, 1)};
 constexpr CanSignal gps1_pos[] = {{"LATITUDE", 0, 32, intel_signed, 1e-7, 0, "gnss_latitude_deg"},
                                   {"LONGITUDE", 32, 32, intel_signed, 1e-7, 0, "gnss_longitude_deg"}};
 constexpr CanSignal gps1_pos_alt[] = {{"ALTITUDE", 0, 32, intel_signed, 1e-3, 0, "gnss_height_m"},

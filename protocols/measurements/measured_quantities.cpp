@@ -165,7 +165,7 @@ double dilution(const Reading& r) noexcept {
 }
 template <Vector3 ReceiverAccuracy::*Member, int Axis>
 double receiver_sigma(const Reading& r) noexcept {
-  return (receiver_accuracy(r.sample.fix(), r.figures != nullptr ? *r.figures : OwnFigures{}).*Member)[Axis];
+  return (receiver_accuracy(r).*Member)[Axis];
 }
 double horizontal_sigma(const Reading& r) noexcept {
   const double north = receiver_sigma<&ReceiverAccuracy::position, 0>(r),

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "core/sample.hpp"
+#include "protocols/measurements/measured_quantities.hpp"
 #include "protocols/protocol.hpp"
 
 namespace imud {
@@ -18,6 +19,11 @@ inline ReceiverAccuracy receiver_accuracy(const Navigation& fix, const OwnFigure
   const double factor = double{fix.accuracy_factor};
   return {factor * figure_or(figures.position, Vector3(0.85, 0.85, 1.8)),
           factor * figure_or(figures.velocity, Vector3::Constant(0.03))};
+}
+
+// The same of the fix of a reading.
+inline ReceiverAccuracy receiver_accuracy(const Reading& reading) noexcept {
+  return receiver_accuracy(reading.sample.fix(), reading.figures != nullptr ? *reading.figures : OwnFigures{});
 }
 
 }  // namespace imud

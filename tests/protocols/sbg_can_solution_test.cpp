@@ -182,6 +182,16 @@ TEST(SbgCanSolutionTest, Gps1HasTheAccuraciesOfTheUnitsReceiver) {
   EXPECT_EQ(frames()[1], "173#28233900");
 }
 
+// "Position timestamp": 1 s less 150 ms.
+TEST(SbgCanSolutionTest, TheReceiversTimeStampIsTheFixs) {
+  const std::string messages = "ekf_info,gps1_vel_info,gps1_pos_info";
+  SbgLines lines = sbg_frames(messages, between_fixes(sbg_known(), std::chrono::milliseconds(150)));
+  for (std::string& line : lines) line.resize(12);
+  EXPECT_EQ(lines, (SbgLines{"130#40420F00", "170#50F80C00", "174#50F80C00"}));
+  lines = sbg_frames(messages, aided(sbg_known()));
+  EXPECT_EQ(lines.at(2).substr(0, 12), "174#40420F00") << "each sample has a fix";
+}
+
 TEST(SbgCanSolutionTest, AirDataIsTheBarometers) {
   Sample sample = sbg_known();
   EXPECT_EQ(sbg_frames("air_data_info,air_data_altitude", sample),
