@@ -172,6 +172,15 @@ double horizontal_sigma(const Reading& r) noexcept {
                east = receiver_sigma<&ReceiverAccuracy::position, 1>(r);
   return std::sqrt(north * north + east * east);
 }
+// Returns 655.35 m without a fix: in cm the 65535 by which messages report that an accuracy is not known.
+double known_or_largest(const Reading& r, double accuracy) noexcept {
+  constexpr double largest = 655.35;
+  return r.sample.fix().is_known ? std::min(largest, accuracy) : largest;
+}
+double horizontal_accuracy(const Reading& r) noexcept { return known_or_largest(r, horizontal_sigma(r)); }
+double vertical_accuracy(const Reading& r) noexcept {
+  return known_or_largest(r, receiver_sigma<&ReceiverAccuracy::position, 2>(r));
+}
 double satellites(const Reading& r) noexcept { return r.sample.fix().is_known ? r.sample.fix().satellites : 0; }
 
 // --- The unit's own solution, and its receiver's fix ---
@@ -406,6 +415,10 @@ constexpr MeasuredQuantity quantities[] = {
     with_fix("gnss_position_sigma_down", "", key_units::length, receiver_sigma<&ReceiverAccuracy::position, 2>),
     with_fix("gnss_horizontal_sigma", "root of the sum of the squares of north and east", key_units::length,
              horizontal_sigma),
+    anywhere("gnss_horizontal_accuracy", "the same, at most 655.35 m, and 655.35 m without a fix", key_units::length,
+             horizontal_accuracy),
+    anywhere("gnss_vertical_accuracy", "gnss_position_sigma_down with these limits", key_units::length,
+             vertical_accuracy),
     with_fix("gnss_velocity_sigma_north", "", key_units::speed, receiver_sigma<&ReceiverAccuracy::velocity, 0>),
     with_fix("gnss_velocity_sigma_east", "", key_units::speed, receiver_sigma<&ReceiverAccuracy::velocity, 1>),
     with_fix("gnss_velocity_sigma_down", "", key_units::speed, receiver_sigma<&ReceiverAccuracy::velocity, 2>),

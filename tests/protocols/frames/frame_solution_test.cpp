@@ -257,6 +257,10 @@ TEST(SolutionStatus, TheReceiversOwnMessagesFollowItsFix) {
     EXPECT_EQ(measured.at(2), measured.at(0)) << "the filter is elsewhere";
     EXPECT_NE(measured.at(3), measured.at(0)) << "without a fix";
     EXPECT_EQ(measured.at(4), measured.at(3)) << "without a fix and a filter";
+    if (message.per_metre != 0) {
+      EXPECT_EQ(little_endian(frames.at(3), message.accuracy, message.bytes), 65535U) << "not known";
+      EXPECT_EQ(little_endian(frames.at(3), message.accuracy + 2, message.bytes), 65535U) << "vertical";
+    }
     if (message.satellites == 0) continue;
     EXPECT_EQ(frames[0].at(message.satellites), 9U);
     EXPECT_EQ(frames[3].at(message.satellites), 0U);
