@@ -137,7 +137,7 @@ class Navigator {
   double period_s_;
   Nanoseconds latency_;
   std::uint64_t fix_every_, heading_every_, height_every_;  // samples; 0: never
-  ReceiverFix receiver_;  // the fix that the unit reports; the filter uses the fixes of the same epochs
+  ReceiverFix receiver_;  // the fix that the unit reports; the fixes of the same epochs correct the filter
   int position_error_, velocity_error_, height_error_;  // InertialFilter::Measurement::error; -1: there is none
   // The motion after each of the last samples, a ring by their numbers. A late fix is compared with the motion at its
   // own time. past_ is kept without the corrections by fixes; corrections_ is their sum, which is added at the

@@ -25,10 +25,12 @@ class ReceiverFix {
   // Writes the fix that the receiver reports with a sample. `possible`: the fix that it would make at this sample,
   // whose age is its latency; `dt`: the time since the last sample, s.
   void report(const Navigation& possible, double dt, Solution& solution) noexcept {
-    if (is_epoch())
+    if (is_epoch()) {
       fix_ = possible;
-    else if (fix_.is_known)
-      keep(possible, dt);
+    } else if (fix_.is_known) {  // the receiver's clock runs on; an error of it shows at the next epoch
+      fix_.age += nanoseconds(dt);
+      fix_.gps_ns += nanoseconds(dt).count();
+    }
     solution.receiver = fix_;
     solution.has_epochs = true;
     solution.since_epoch = since_epoch_;
@@ -36,13 +38,6 @@ class ReceiverFix {
   }
 
  private:
-  // The receiver's clock runs on, by the truth's time where it is known.
-  void keep(const Navigation& possible, double dt) noexcept {
-    const std::int64_t now = possible.is_known ? possible.gps_ns : fix_.gps_ns + nanoseconds(dt).count();
-    fix_.age += Nanoseconds{now - fix_.gps_ns};
-    fix_.gps_ns = now;
-  }
-
   std::uint32_t every_, since_epoch_ = 0;  // samples
   Navigation fix_;
 };

@@ -91,6 +91,26 @@ TEST(ReceiverFix, ALossShowsAtTheNextEpoch) {
   EXPECT_EQ(lost, 200);
 }
 
+// A leap of the receiver's clock between two epochs shows at the next one. It is no age.
+TEST(ReceiverFix, ALeapOfItsClockIsNoAge) {
+  for (const std::int64_t leap_s : {3600, -10}) {
+    const auto leap = [leap_s](Sample& sample, double t) {
+      if (t > 3.03 && t < 4.07) sample.navigation.gps_ns += leap_s * 1'000'000'000;
+    };
+    const NavigatingUnit unit = receiving_unit(std::chrono::milliseconds(120));
+    int leapt = 0;
+    fly(unit, 6, leap, [&](const Sample& sample, const Errors&, double t) {
+      const std::int64_t ahead_ns = sample.fix().gps_ns - unit.earth.start_gps_ns - nanoseconds(t).count();
+      if (t < 2) return;
+      EXPECT_EQ(sample.fix_age(), std::chrono::milliseconds(120 + 5 * sample.solution->since_epoch)) << t;
+      const bool has_leapt = t > 3.12 - 1e-6 && t < 4.12 - 1e-6;  // epochs count from the alignment, 1.12 s
+      EXPECT_EQ(ahead_ns, has_leapt ? leap_s * 1'000'000'000 : 0) << t;
+      leapt += has_leapt ? 1 : 0;
+    });
+    EXPECT_EQ(leapt, 200);
+  }
+}
+
 // The filter uses the fixes that the unit reports, and no others.
 TEST(ReceiverFix, TheFilterUsesTheFixesOfTheEpochs) {
   const NavigatingUnit unit = receiving_unit();
@@ -119,7 +139,7 @@ TEST(ReceiverFix, WithoutARateEverySampleIsAnEpoch) {
       1, in_time, turn_at, [](const Navigator& navigator) { EXPECT_EQ(navigator.fixes().used, 0U); });
 }
 
-// After a restart the next sample is an epoch. A fix that is taken again keeps its age.
+// After a restart the next sample is an epoch. The fix that it is given keeps its age.
 TEST(ReceiverFix, ARestartMakesAnEpoch) {
   ReceiverFix receiver(4);
   const Navigation fix = {.is_known = true, .gps_ns = 1'000'000'000, .age = Nanoseconds{7}};
