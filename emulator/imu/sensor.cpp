@@ -82,6 +82,7 @@ void Sensor::sense(const Timeline& timeline, TruthTime time, std::uint64_t k) no
   const PositionVelocity position = timeline.position(measured);
   const bool is_judged = faults_ != nullptr && faults_->may_act();
   if (judge_ && (is_judged || judge_->is_watched(sample_))) judge_->keep(sample_, position, imu_.true_rate());
+  possible_fix_ = sample_.navigation;
   solution_->take(sample_, measured, position.earth_angle);
   if (judge_ && is_judged) faults_->schedule().judge(judge_->errors(sample_));
 }
@@ -102,7 +103,9 @@ void Sensor::sense_at_rest(Nanoseconds since_power_on, std::uint64_t k) noexcept
   if (faults_ != nullptr && faults_->acts_at_rest())
     faults_->take_at_rest(sample_, since_power_on, utc_ns_of(sample_.time));
   if (acquisition_.is_on()) acquisition_.take(sample_.navigation);
-  if (solution_) solution_->take_at_rest(sample_);
+  if (!solution_) return;
+  possible_fix_ = sample_.navigation;
+  solution_->take_at_rest(sample_);
 }
 
 // The instants of an imu and of its twin without errors follow from the same numbers: neither faults nor the other
@@ -121,7 +124,7 @@ void Sensor::restart() noexcept {
   if (solution_) solution_->restart();
   // The last sample is the first that the unit sends after its start: this sample has no solution yet.
   const bool has_solution = solution_ && sample_.solution;
-  if (has_solution) sample_.navigation = sample_.fix();
+  if (has_solution) sample_.navigation = possible_fix_;
   if (acquisition_.is_on()) acquisition_.take(sample_.navigation);
   if (!has_solution) return;
   solution_->take_at_rest(sample_);
@@ -162,8 +165,9 @@ void Sensor::exchange(Reload::Sensor& next) noexcept {
     grid_ = *next.grid;
     clock_.change(grid_);
   }
+  const Navigation& possible = sample_.solution ? possible_fix_ : sample_.navigation;
   Acquisition acquisition(next.model.navigation.gnss, next.model.rate_hz);
-  acquisition.continue_from(acquisition_, sample_.fix().is_known);
+  acquisition.continue_from(acquisition_, possible.is_known);
   acquisition_ = acquisition;
   next.oscillator.continue_from(oscillator_);
   std::swap(oscillator_, next.oscillator);

@@ -91,6 +91,7 @@ class Sensor {
   bool has_leapt_ = false;       // since the last sample
   TruthTime run_begin_;          // the times of faults count from this time
   std::uint64_t power_ons_ = 0;  // after the first
+  Navigation possible_fix_;      // of the last sample, at whose place its solution stands
   Sample sample_;
   Nanoseconds ahead_{0};
 };

@@ -196,6 +196,18 @@ TEST(NavigationRequests, TheMagnetometerIsWithheld) {
   }
 }
 
+// It makes a fix at once, which is as new as the sample.
+TEST(NavigationRequests, AReceiverBeginsAnewWithItsPower) {
+  OrderedUnit unit("vectornav", "vn-200");
+  unit.run(4);
+  while (unit.sample().solution->since_epoch < 4) unit.run(0.005);
+  EXPECT_GT(unit.sample().fix_age(), Nanoseconds{0});
+  unit.cycle_power();
+  EXPECT_TRUE(unit.sample().fix().is_known);
+  EXPECT_EQ(unit.sample().solution->since_epoch, 0U);
+  EXPECT_EQ(unit.sample().fix_age(), Nanoseconds{0});
+}
+
 // Without gravity the tilt of an AHRS is not corrected, and its uncertainty grows.
 TEST(NavigationRequests, GravityIsWithheld) {
   const auto drift = [](OrderedUnit& unit, const std::function<void(const char*)>& withhold) {
