@@ -174,8 +174,7 @@ double horizontal_sigma(const Reading& r) noexcept {
 }
 // Returns 655.35 m without a fix: in cm the 65535 by which messages report that an accuracy is not known.
 double known_or_largest(const Reading& r, double accuracy) noexcept {
-  constexpr double largest = 655.35;
-  return r.sample.fix().is_known ? std::min(largest, accuracy) : largest;
+  return r.sample.fix().is_known ? std::min(655.34, accuracy) : 655.35;
 }
 double horizontal_accuracy(const Reading& r) noexcept { return known_or_largest(r, horizontal_sigma(r)); }
 double vertical_accuracy(const Reading& r) noexcept {
@@ -356,7 +355,8 @@ constexpr MeasuredQuantity quantities[] = {
     with_fix("gnss_fix", "1 while the receiver has a fix, else 0", {}, fix),
     with_fix("gnss_week", "GPS time of the fix; without a fix the present time", {}, fix_week),
     with_fix("gnss_time_of_week", "", key_units::time, fix_time_of_week),
-    with_fix("gnss_is_new", "1 in a sample at which the receiver makes a fix, else 0", {}, is_new_fix),
+    with_fix("gnss_is_new", "1 in a sample at which the receiver makes a fix, else 0; see protocols/README.md", {},
+             is_new_fix),
     with_fix("gnss_satellites", "that the receiver uses", {}, satellites),
     with_fix("gnss_gdop", "its dilutions of precision: geometric", {}, dilution<&Dilution::geometric>),
     with_fix("gnss_pdop", "of the position", {}, dilution<&Dilution::position>),
@@ -415,7 +415,7 @@ constexpr MeasuredQuantity quantities[] = {
     with_fix("gnss_position_sigma_down", "", key_units::length, receiver_sigma<&ReceiverAccuracy::position, 2>),
     with_fix("gnss_horizontal_sigma", "root of the sum of the squares of north and east", key_units::length,
              horizontal_sigma),
-    anywhere("gnss_horizontal_accuracy", "the same, at most 655.35 m, and 655.35 m without a fix", key_units::length,
+    anywhere("gnss_horizontal_accuracy", "the same, at most 655.34 m, and 655.35 m without a fix", key_units::length,
              horizontal_accuracy),
     anywhere("gnss_vertical_accuracy", "gnss_position_sigma_down with these limits", key_units::length,
              vertical_accuracy),
