@@ -90,18 +90,19 @@ inline double time_of_day(Utc at) noexcept {
   return 1e-9 * static_cast<double>(since<Nanoseconds, chrono::days>(at));
 }
 inline double unix_time(Utc at) noexcept { return 1e-9 * static_cast<double>(at.time_since_epoch().count()); }
-inline double time_of_week(const Reading& r) noexcept {
-  return 1e-9 * static_cast<double>(r.sample.timed().gps_ns % gps_week_ns);
+// The GPS time of a reading, ns since 1980-01-06: the present one, or the one of the receiver's fix.
+using GpsTime = std::int64_t (*)(const Sample&) noexcept;
+inline constexpr GpsTime at_present = [](const Sample& sample) noexcept { return sample.timed().gps_ns; };
+inline constexpr GpsTime at_fix = [](const Sample& sample) noexcept { return sample.fix_gps_ns(); };
+template <GpsTime At>
+double time_of_week(const Reading& r) noexcept {
+  return 1e-9 * static_cast<double>(At(r.sample) % gps_week_ns);
 }
-inline double gps_time(const Reading& r) noexcept { return 1e-9 * static_cast<double>(r.sample.timed().gps_ns); }
-inline double gps_week(const Reading& r) noexcept {
-  return static_cast<double>(r.sample.timed().gps_ns / gps_week_ns);
+template <GpsTime At>
+double gps_week(const Reading& r) noexcept {
+  return static_cast<double>(At(r.sample) / gps_week_ns);
 }
-
-inline double fix_time_of_week(const Reading& r) noexcept {
-  return 1e-9 * static_cast<double>(r.sample.fix_gps_ns() % gps_week_ns);
-}
-inline double fix_week(const Reading& r) noexcept { return static_cast<double>(r.sample.fix_gps_ns() / gps_week_ns); }
+inline double gps_time(const Reading& r) noexcept { return 1e-9 * static_cast<double>(at_present(r.sample)); }
 
 inline double fix(const Reading& r) noexcept { return r.sample.fix().is_known ? 1 : 0; }
 // If every sample has a fix of its own, the fixes of a receiver of 10 Hz are new: in 5 ms of 100 ms.
