@@ -213,7 +213,7 @@ std::string config(int truth_port, const std::string& realtime, int imus, const 
     text += fmt::format(
         "[[imu]]\nname = \"imu{}\"\nprotocol = \"native\"\ngyro.max_rad_per_s = 10\naccelerometer.max_m_per_s2 = "
         "100\n{}\n",
-        i, fmt::format(fmt::runtime(imu), i, 62.5 * i));
+        i, fmt::format(fmt::runtime(imu), i, 1000.0 * i / imus));
   return text;
 }
 

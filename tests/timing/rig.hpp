@@ -87,7 +87,7 @@ class DatagramTimes {
 };
 
 // Returns a configuration with `imus` imus. `realtime`: keys of the first table; `imu`: keys of each imu, in which
-// "{0}" stands for the number of the imu, and "{1}" for 62.5 times this number.
+// "{0}" stands for the number of the imu, and "{1}" for 1000 / imus times this number.
 std::string config(int truth_port, const std::string& realtime, int imus, const std::string& imu);
 
 struct Run {

@@ -82,6 +82,7 @@ void many_imus(const Folder& folder, int rounds, double s) {
   std::vector<Case> cases = {{"1 imu, 1 kHz", 1, 1000, ""},
                              {"16 imus, 1 kHz", 16, 1000, ""},
                              {"16 imus, 1 kHz, phases apart", 16, 1000, "phase_us = {1}\n"},
+                             {"32 imus, 1 kHz, phases apart", 32, 1000, "phase_us = {1}\n"},
                              {"1 imu, 4 kHz", 1, 4000, ""}};
   std::vector<Percentiles> bare;
   std::uint64_t bare_missed = 0;
