@@ -34,8 +34,11 @@ void Pace::transmit_at_once(HostTime instant) noexcept {
     channel->transmit();
   }
   // No reader of a bus catches up later. A log of a bus, which receives nothing, is a file or a pipe.
-  for (Channel* channel : channels)
-    if (channel->is_can && channel->lines.all()[0].listens) channel->wait_until_sent(stop_);
+  for (Channel* channel : channels) {
+    const DeviceLine& line = channel->lines.all()[0];
+    if (channel->is_can && line.listens && (line.port->wants_output() || channel->lines.next_flush()))
+      channel->wait_until_sent(stop_);
+  }
 }
 
 void Pace::skip(HostTime instant) noexcept { engine_.apply(Step::transmit(instant, true)); }

@@ -208,6 +208,41 @@ TEST_F(Can, FramesLeaveAtOnceWhereNoRateIsWanted) {
   }
 }
 
+TEST_F(Can, UnpacedFramesOfFastLeaveInBatches) {
+  PortSettings settings = Role::device;
+  settings.delivery = Delivery::complete;
+  settings.yields = true;  // as in `fast`
+  const Node node("vcan0");
+  // The port lowers the priority of its thread for good.
+  std::jthread([&] {
+    const auto port = open_port("can:vcan0?frames_per_s=unlimited", settings);
+    const auto sends = [&](std::uint64_t frames) { return port->counters().sent == frames; };
+    for (std::uint8_t i = 0; i < 9; ++i) send_sample(*port, i, 7);
+    EXPECT_TRUE(sends(0)) << "63 frames are no batch";
+    EXPECT_EQ(port->next_flush(), std::nullopt) << "a run does not wait for them";
+    node.send(0x42, {1});
+    EXPECT_FALSE(port->receive()) << "the host has seen nothing yet";
+    send_sample(*port, 9, 7);
+    EXPECT_TRUE(sends(70));
+    EXPECT_TRUE(receive_next(*port));
+    send_sample(*port, 10, 7);
+    EXPECT_TRUE(sends(70));
+    port->reply(SampleFrames().add({.id = 0x200}, 8));
+    EXPECT_TRUE(sends(78)) << "an answer leaves at once, behind the samples before it";
+    send_sample(*port, 11, 7);
+    port->flush();
+    EXPECT_TRUE(sends(85));
+    send_sample(*port, 12, 7);
+    EXPECT_TRUE(port->is_drained());
+    EXPECT_TRUE(sends(92));
+    EXPECT_EQ(port->counters().dropped, 0U);
+  }).join();
+  const auto got = node.receive_all();
+  ASSERT_EQ(got.size(), 92U);
+  EXPECT_EQ(got[76].frame.can_id, 0x106U);
+  EXPECT_EQ(got[77].frame.can_id, 0x200U);
+}
+
 // The receiver reads at least every 5 ms: meanwhile 25 frames arrive, and 25 more after a late flush.
 TEST_F(Can, AReceiverWithADefaultBufferSeesEveryPacedFrame) {
   constexpr std::uint32_t count = 10'000;

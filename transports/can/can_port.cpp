@@ -56,8 +56,8 @@ void CanPort::send(std::span<const Frame> frames) noexcept {
   CanQueue::Queued queued{};
   queued.first = true;
   queued.is_reply = is_reply_;
-  // If no frame is dropped or paced, the time is needed only when the bus takes no frames.
-  const bool is_timed = delivery_ == Delivery::timely || max_frames_per_s_.has_value() || !queue_.is_empty();
+  // If no frame is dropped or paced, the time is needed only while the interface is full.
+  const bool is_timed = delivery_ == Delivery::timely || max_frames_per_s_.has_value() || queue_.is_interface_full();
   queued.since = is_timed ? host_now() : HostTime{};
   for (const Frame& frame : frames) {
     if (!pack(frame, queued)) {
@@ -67,12 +67,15 @@ void CanPort::send(std::span<const Frame> frames) noexcept {
     queue_.push(queued);
     queued.first = false;
   }
+  if (is_collecting() && !is_reply_) return;
   // The time is the time of queuing, not a later one: then no sample is stale at its first attempt, however long
   // this thread is held up.
   send_ready(queued.since);
 }
 
 std::optional<Port::Received> CanPort::receive() noexcept {
+  // No host has seen the frames that collect, so nothing of it is awaited before they have left.
+  if (is_collecting() && !queue_.is_empty()) return std::nullopt;
   if (!link_->is_bound() && !rebind()) return std::nullopt;
   // The first error may only report that the interface went down.
   constexpr int most_malformed = 256;  // in one call, so that the caller can do other work
@@ -109,6 +112,7 @@ int CanPort::bind() noexcept {
   is_virtual_ = link_->is_virtual();
   max_frames_per_s_ = is_virtual_ ? virtual_frames_per_s_ : std::nullopt;
   if (is_virtual_ && yields_) yield_to_receivers();
+  collects_ = is_virtual_ && yields_ && !max_frames_per_s_;
   if (const int down = link_->pending_error(); down != 0)
     lose(down);
   else

@@ -45,7 +45,9 @@ class CanPort final : public Port {
   bool has_room() const noexcept override {
     return delivery_ == Delivery::complete && queue_.room() >= 2 * FrameBuffer::max_frames;
   }
-  std::optional<HostTime> next_flush() const noexcept override { return output_full_ ? std::nullopt : queue_.next(); }
+  std::optional<HostTime> next_flush() const noexcept override {
+    return output_full_ || is_collecting() ? std::nullopt : queue_.next();
+  }
   bool wants_output() const noexcept override { return output_full_ && !queue_.is_empty(); }
   bool is_drained() noexcept override {
     flush();
@@ -59,6 +61,9 @@ class CanPort final : public Port {
 
  private:
   bool rebind() noexcept { return back_off_.due() && bind() == 0; }
+  bool is_collecting() const noexcept {
+    return collects_ && !queue_.is_interface_full() && queue_.size() < CanLink::max_batch;
+  }
   // Returns false if frames would not reach the bus.
   bool is_connected() noexcept;
   // Sends what may leave at `now`.
@@ -88,6 +93,9 @@ class CanPort final : public Port {
   CanQueue queue_;
   bool carries_fd_ = false;
   bool is_virtual_ = false;
+  // In `fast` without pacing no receiver waits for one sample: frames collect until one system call sends a batch,
+  // the caller flushes, or an answer leaves.
+  bool collects_ = false;
   bool bus_off_ = false;
   PortState bus_state_ = PortState::ready;  // of the controller, unless it is off
   bool output_full_ = false;                // the socket's send buffer was full at the last attempt

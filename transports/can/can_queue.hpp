@@ -39,13 +39,14 @@ class CanQueue {
 
   // Returns the number of frames for which there is room.
   std::size_t room() const noexcept { return max_frames - count_; }
+  std::size_t size() const noexcept { return count_; }
   bool is_empty() const noexcept { return count_ == 0; }
   // Appends a frame. Requires room() > 0.
   void push(const Queued& frame) noexcept { queue_[(first_ + count_++) % max_frames] = frame; }
 
   // Returns the number of frames, from the oldest, that may leave at `now`.
   std::size_t ready(HostTime now) const noexcept;
-  // Returns frame `i`, where 0 is the oldest and i < max_frames - room().
+  // Returns frame `i`, where 0 is the oldest and i < size().
   const Queued& operator[](std::size_t i) const noexcept { return queue_[(first_ + i) % max_frames]; }
 
   // Removes the oldest `count` frames after they were sent. If frames are not paced, `now` may be HostTime{} here
@@ -53,6 +54,8 @@ class CanQueue {
   void sent(std::size_t count, HostTime now) noexcept;
   // Records that the interface has no room: no frame is ready until retry_pause after `now`.
   void interface_full(HostTime now) noexcept { retry_ = now + retry_pause; }
+  // Returns true between interface_full() and the next frame that is sent.
+  bool is_interface_full() const noexcept { return retry_ != HostTime{}; }
   // Removes the oldest frame, which the interface refused.
   void drop_first() noexcept;
   // Removes the stale frames. Returns their number.
