@@ -109,16 +109,14 @@ void TcpStream::hold(const TcpSegment& segment) noexcept {
   ++held_count_;
 }
 
-// Continues with the earliest kept segment. Returns false if there is none.
-bool TcpStream::skip_hole() noexcept {
-  if (held_count_ == 0) return false;
+// Continues with the earliest kept segment.
+void TcpStream::skip_hole() noexcept {
   std::int32_t nearest = 0;
   for (const Held& held : held_)
     if (held.is_used && (nearest == 0 || ahead(held.sequence) < nearest)) nearest = ahead(held.sequence);
   expected_ += static_cast<std::uint32_t>(nearest);
   ++holes_;
   begins_ = true;
-  return true;
 }
 
 std::optional<TcpStream::Piece> TcpStream::next() noexcept {
@@ -127,7 +125,7 @@ std::optional<TcpStream::Piece> TcpStream::next() noexcept {
     expected_ += static_cast<std::uint32_t>(bytes.size());
     return Piece{bytes, std::exchange(begins_, false)};
   }
-  do {
+  while (held_count_ > 0) {
     for (std::size_t i = 0; i < held_.size(); ++i) {
       Held& held = held_[i];
       if (!held.is_used || ahead(held.sequence) > 0) continue;
@@ -139,7 +137,9 @@ std::optional<TcpStream::Piece> TcpStream::next() noexcept {
       expected_ += static_cast<std::uint32_t>(bytes.size());
       return Piece{bytes, std::exchange(begins_, false)};
     }
-  } while ((is_ending_ || held_count_ == most_held) && skip_hole());
+    if (held_count_ == 0 || (!is_ending_ && held_count_ < most_held)) break;
+    skip_hole();
+  }
   if (is_active_ && (is_ending_ || (end_ && ahead(*end_) <= 0))) {
     if (end_ && ahead(*end_) > 0) ++holes_;  // the last bytes are missing
     is_active_ = is_ending_ = false;

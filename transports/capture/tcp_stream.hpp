@@ -76,7 +76,7 @@ class TcpStream {
   void take_handshake(const Way& way, const TcpSegment& segment) noexcept;
   bool begin(const Way& way, const TcpSegment& segment) noexcept;
   void hold(const TcpSegment& segment) noexcept;
-  bool skip_hole() noexcept;
+  void skip_hole() noexcept;
   // Returns how far `sequence` is ahead of the delivered bytes; negative: behind. Sequence numbers wrap.
   std::int32_t ahead(std::uint32_t sequence) const noexcept {
     return static_cast<std::int32_t>(sequence - expected_);
