@@ -176,9 +176,26 @@ template <bool Rare, class Out>
   out.delta_velocity = vector_of(accelerometer.increment);
   out.status =
       gyro.saturated * status::gyro_saturated_x + accelerometer.saturated * status::accelerometer_saturated_x;
-  if constexpr (Rare)
-    if (inclinometer_) [[unlikely]]
-      out.status |= incline(step_of(lanes(specific_force), delta_velocity));
+  if (inclinometer_) [[unlikely]] {
+    // incline() gets copies, as disturb() does.
+    const Vector3 force = specific_force, change = velocity_change;
+    out.status |= incline({.normals = normals_,
+                           .k = k,
+                           .dt = dt,
+                           .since_power_on = since_power_on,
+                           .specific_force = force,
+                           .delta_velocity = change,
+                           .surroundings = surroundings_,
+                           .value = lanes(force),
+                           .increment = lanes(change),
+                           .begins_run = begins_run});
+    if constexpr (std::is_same_v<Out, Sample>) {
+      out.inclination = inclination_;
+      // Zeros have no sign, as where internal samples are added to them.
+      out.delta_angle.array() += 0.0;
+      out.delta_velocity.array() += 0.0;
+    }
+  }
 }
 
 // Takes an internal sample of the inclinometers, which stand where the accelerometers stand. Returns its status.
@@ -238,8 +255,6 @@ IMUD_DISPATCHED [[gnu::noinline]] void Imu::measure_last(const MotionState& now,
   out.delta_angle += internal_.delta_angle;
   out.delta_velocity += internal_.delta_velocity;
   out.status |= internal_.status;
-  if (inclinometer_) [[unlikely]]
-    out.inclination = inclination_;
   internal_ = {.time = time, .since_power_on = since_power_on};
 }
 

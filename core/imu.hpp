@@ -265,7 +265,7 @@ class Imu {
   // Navigation::origin in this run.
   std::optional<Geodetic> origin_;
   bool is_disturbed_;             // disturb() does something
-  bool measures_slowly_;          // the sensor has internal samples, rare effects, or inclinometers
+  bool measures_slowly_;          // the sensor has internal samples or rare effects
   bool follows_truth_;            // follow_truth() does something
   bool has_surroundings_;         // update_surroundings() does something
   bool had_field_ = false;        // the last sample of this run had a magnetic field

@@ -54,7 +54,7 @@ Imu::Imu(const ImuModel& model, std::uint64_t seed, std::uint32_t stream)
       barometer_(model.barometer, 1.0 / model.rate_hz),
       navigation_(model.navigation, 1.0 / model.rate_hz),
       is_disturbed_(vibration_.is_on() || size_effect_.is_on()),
-      measures_slowly_(has_internal() || gyro_.has_rare() || accelerometer_.has_rare() || model.inclinometer),
+      measures_slowly_(has_internal() || gyro_.has_rare() || accelerometer_.has_rare()),
       follows_truth_(temperature_.follows_truth() || vibration_.follows()),
       has_surroundings_(temperature_.is_on() || vibration_.follows()),
       period_s_(1.0 / model.rate_hz) {

@@ -2,9 +2,11 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
 #include <tuple>
 #include <type_traits>
+#include <utility>
 
 #include "core/effects/acceleration_sensitivity.hpp"
 #include "core/effects/add_errors.hpp"
@@ -135,9 +137,13 @@ class Triad {
       has_rare_ = has_rare_ || (Effect::traits.is_rare && effect.is_on());
     });
   }
+  // Inline, so that apply() is compiled for the processor of its caller (core/numbers/dispatch.hpp).
   template <class Visit>
-  void each(Visit visit) noexcept {
-    std::apply([&visit](auto&... effect) { (visit(effect), ...); }, effects_);
+  [[gnu::always_inline]] void each(Visit visit) noexcept {
+    [&]<std::size_t... I>(std::index_sequence<I...>) __attribute__((always_inline)) {
+      (visit(std::get<I>(effects_)), ...);
+    }
+    (std::make_index_sequence<std::tuple_size_v<TriadEffects>>());
   }
 
   TriadEffects effects_;
