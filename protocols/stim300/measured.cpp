@@ -1,9 +1,10 @@
 #include "protocols/stim300/measured.hpp"
 
 #include <algorithm>
-#include <cmath>
 
+#include "core/numbers/dispatch.hpp"
 #include "core/numbers/elementary.hpp"
+#include "core/numbers/lanes.hpp"
 #include "core/units.hpp"
 #include "protocols/wire/wire.hpp"
 
@@ -33,7 +34,8 @@ Vector3 Measured::g_compensation(const Configuration& c, const Matrix3& g_sensit
   return bias;
 }
 
-void Measured::add(const Sample& sample, bool is_starting, const Matrix3& g_sensitivity, Memory& memory) noexcept {
+IMUD_DISPATCHED void Measured::add(const Sample& sample, bool is_starting, const Matrix3& g_sensitivity,
+                                   Memory& memory) noexcept {
   time_ = sample.time;
   counter_ = sample.counter & 0xFFU;
   const bool outside = sample.temperature_c < -40 || sample.temperature_c > 85;  // Table 5-1
@@ -41,24 +43,26 @@ void Measured::add(const Sample& sample, bool is_starting, const Matrix3& g_sens
             ((sample.status & status::not_valid) != 0 ? status_bit::integrity : 0U) |
             ((sample.status & status::self_test_failed) != 0 ? status_bit::channel : 0U);
   temperature_c_ = sample.temperature_c;
-  const auto put = [&](Cluster cluster, const Vector3& value, const Vector3& step, unsigned overloaded) {
+  const auto put = [&](Cluster cluster, Lanes value, Lanes step, unsigned overloaded) __attribute__((always_inline)) {
     constexpr double dt = 1 / internal_hz;
+    const Lanes trim = lanes(memory.trim[cluster]);
     unsigned bits = status_;
     for (unsigned i = 0; overloaded >> i != 0; ++i)
       if ((overloaded >> i & 1U) != 0) bits |= memory.overload(cluster, i);
-    axes_[cluster].add(value + memory.trim[cluster], step + dt * memory.trim[cluster], bits);
+    axes_[cluster].add(value + trim, step + dt * trim, bits);
   };
-  const Vector3 f = sample.specific_force / units::standard_gravity;
-  const Vector3 level = (sample.inclination.value_or(sample.specific_force) / units::standard_gravity)
-                            .cwiseMax(-inclinometer_end_g)
-                            .cwiseMin(inclinometer_end_g);
-  const Vector3 bias = g_compensation(memory.active, g_sensitivity, {f, level});
-  put(gyro, (sample.rate - bias) / units::degree, (sample.delta_angle - bias / internal_hz) / units::degree,
-      sample.status & 7U);
-  put(accelerometer, f, sample.delta_velocity / units::standard_gravity,
+  const Lanes f = lanes(sample.specific_force) / units::standard_gravity;
+  Lanes level = lanes(sample.inclination ? *sample.inclination : sample.specific_force) / units::standard_gravity;
+  level = select(level < -inclinometer_end_g, all_lanes(-inclinometer_end_g), level);
+  level = select(level > inclinometer_end_g, all_lanes(inclinometer_end_g), level);
+  const Lanes bias = lanes(g_compensation(memory.active, g_sensitivity, {vector_of(f), vector_of(level)}));
+  put(gyro, (lanes(sample.rate) - bias) / units::degree,
+      (lanes(sample.delta_angle) - bias / internal_hz) / units::degree, sample.status & 7U);
+  put(accelerometer, f, lanes(sample.delta_velocity) / units::standard_gravity,
       sample.status / status::accelerometer_saturated_x & 7U);
   unsigned tilted = sample.status / status::inclinometer_saturated_x & 7U;
-  for (int i = 0; i < 3; ++i) tilted |= std::abs(level[i]) >= inclinometer_overload_g ? 1U << i : 0U;
+  const Lanes tilt = magnitude(level);
+  for (int i = 0; i < 3; ++i) tilted |= tilt[i] >= inclinometer_overload_g ? 1U << i : 0U;
   put(inclinometer, level, level / internal_hz, tilted);
 }
 

@@ -28,19 +28,20 @@ std::size_t write_measurement(const std::array<Axes, 3>& axes, const Reading& re
     const unsigned unit = c.units[cluster] % delayed;
     const bool in_m = cluster != gyro && (unit == increment || unit == integrated_m_per_s);
     const double scale = (in_m ? units::standard_gravity : 1.0) / lsb(c, cluster, unit);
+    const bool wraps = unit == integrated || unit == integrated_m_per_s;
+    Vector3 numbers = unit == value ? of.now : wraps ? of.integral.vector() : of.sum.vector();
+    if (unit == average)
+      numbers = internal_hz * numbers / static_cast<double>(std::max<std::uint64_t>(of.samples, 1));
+    numbers *= scale;
     unsigned status = of.status;
     for (unsigned i = 0; i < 3; ++i) {
-      if (unit == integrated || unit == integrated_m_per_s) {  // the integral wraps
-        datagram.put(static_cast<std::uint64_t>(to_integer(std::remainder(scale * of.integral[i], 0x1p24))), 3);
+      if (wraps) {
+        datagram.put(static_cast<std::uint64_t>(to_integer(std::remainder(numbers[i], 0x1p24))), 3);
         continue;
       }
-      const auto samples = static_cast<double>(std::max<std::uint64_t>(of.samples, 1));
-      const double number = scale * (unit == value       ? of.now[i]
-                                     : unit == increment ? of.sum[i]
-                                                         : internal_hz * of.sum[i] / samples);  // the mean
-      if (unit == increment && std::abs(number) >= 0x1p23)
+      if (unit == increment && std::abs(numbers[i]) >= 0x1p23)
         status |= memory.overload(cluster, i);  // Table 5-2, note 9
-      datagram.put_number(number, 3);
+      datagram.put_number(numbers[i], 3);
     }
     datagram.put(status, 1);
   }

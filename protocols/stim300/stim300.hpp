@@ -10,6 +10,7 @@
 #include <string_view>
 
 #include "core/frame.hpp"
+#include "core/numbers/lanes.hpp"
 #include "core/time.hpp"
 #include "core/uart.hpp"
 #include "core/vector.hpp"
@@ -165,19 +166,20 @@ inline constexpr unsigned integrity = 0x80, start_up = 0x40, outside = 0x20, ove
 
 // The samples of a cluster since the last transmission, in deg or g, and s.
 struct Axes {
-  Vector3 now = Vector3::Zero(), sum = Vector3::Zero(), integral = Vector3::Zero();
+  Vector3 now = Vector3::Zero();
+  LaneVector sum, integral;
   std::uint64_t samples = 0;
   unsigned status = 0, status_now = 0;
-  void add(const Vector3& value, const Vector3& step, unsigned bits) noexcept {
-    now = value;
-    sum += step;
-    integral += step;
+  [[gnu::always_inline]] void add(Lanes value, Lanes step, unsigned bits) noexcept {
+    now = vector_of(value);
+    sum.add(step);
+    integral.add(step);
     ++samples;
     status_now = bits;
     status |= bits;
   }
   void begin() noexcept {  // restarts the sums; `integral` runs on
-    sum.setZero();
+    sum = {};
     samples = 0;
     status = 0;
   }

@@ -25,7 +25,7 @@ Bytes written(const stim300::Configuration& configuration, const std::array<Know
   for (const stim300::Cluster cluster : stim300::clusters) {
     const Known& one = known[cluster];
     const double lsb = stim300::lsb(configuration, cluster, stim300::value);
-    axes[cluster].add(Vector3(one.of[0], one.of[1], one.of[2]) * lsb, Vector3::Zero(), one.status);
+    axes[cluster].add(lanes(Vector3(one.of[0], one.of[1], one.of[2])) * lsb, Lanes{}, one.status);
   }
   FrameBuffer out;
   write_measurement(axes, reading, memory, out);
