@@ -12,6 +12,7 @@
 #include <cstdio>
 #include <utility>
 
+#include "core/numbers/dispatch.hpp"
 #include "core/units.hpp"
 #include "protocols/protocol.hpp"
 #include "protocols/vectornav/filter_requests.hpp"
@@ -158,7 +159,7 @@ class VectorNavDevice final : public Device {
     place_.restart();
   }
 
-  void compensate(const Sample& sample) noexcept {
+  IMUD_DISPATCHED void compensate(const Sample& sample) noexcept {
     const auto& [magnetometer, accelerometer, gyro] = active_.calibrations;
     const double dt = 1 / model_.internal_hz;
     raw_ = {dcm_ * sample.magnetic_field, dcm_ * sample.specific_force, dcm_ * sample.rate};
@@ -173,7 +174,8 @@ class VectorNavDevice final : public Device {
     sample_.q_LP = sample.q_LP * q_;
     place_.hold(sample_);
     const std::size_t used = is_second_connected_ ? sums_.size() : sums_.size() - 1;
-    for (std::size_t i = 0; i < used; ++i) sums_[i].add(sample_, dt);
+    const Lanes delta_angle = lanes(sample_.delta_angle), delta_velocity = lanes(sample_.delta_velocity);
+    for (std::size_t i = 0; i < used; ++i) sums_[i].add(delta_angle, delta_velocity, dt);
   }
 
   // Subtracts the biases that the unit's own filter has estimated. The filter integrates the uncompensated

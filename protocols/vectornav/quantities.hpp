@@ -58,8 +58,8 @@ class Quantities {
   double temperature_c() const noexcept { return s_.temperature_c; }
   double pressure_kpa() const noexcept { return s_.pressure / 1e3; }
   double dt() const noexcept { return sums_.dt; }  // s
-  Vector3 delta_angle_deg() const noexcept { return sums_.delta_angle / units::degree; }
-  Vector3 delta_velocity() const noexcept { return sums_.delta_velocity; }  // m/s
+  Vector3 delta_angle_deg() const noexcept { return sums_.delta_angle.vector() / units::degree; }
+  Vector3 delta_velocity() const noexcept { return sums_.delta_velocity.vector(); }  // m/s
   std::uint16_t saturation() const noexcept {
     return static_cast<std::uint16_t>((s_.status >> 3 & 7U) << 3 | (s_.status & 7U) << 6);
   }

@@ -21,6 +21,7 @@
 #include <string_view>
 
 #include "core/frame.hpp"
+#include "core/numbers/lanes.hpp"
 #include "core/sample.hpp"
 #include "protocols/protocol.hpp"
 #include "protocols/vectornav/sync_pins.hpp"
@@ -166,10 +167,19 @@ class Gain {
     // The product adds zeros, which may change the sign of a zero, or make infinity NaN, but change no other number.
     const double product = v.x() * v.y() * v.z();
     const bool is_ordinary = product != 0 && product - product == 0;
-    return is_identity_ && is_ordinary ? v : Vector3(matrix_ * v);
+    if (is_identity_ && (is_ordinary || is_plus_zero(v))) [[likely]]
+      return v;
+    return times_matrix(v);
   }
 
  private:
+  static bool is_plus_zero(const Vector3& v) noexcept {
+    const auto bits = [](double x) { return std::bit_cast<std::uint64_t>(x); };
+    return (bits(v.x()) | bits(v.y()) | bits(v.z())) == 0;
+  }
+  // Out of line, so that the shortcuts are inline.
+  [[gnu::noinline]] Vector3 times_matrix(const Vector3& v) const noexcept { return matrix_ * v; }
+
   Matrix3 matrix_ = Matrix3::Identity();
   bool is_identity_ = true;
 };
@@ -224,11 +234,11 @@ Error put_register(const Configuration& configuration, const Model& model, unsig
 // Increments since an output was last sent.
 struct Sums {
   double dt = 0;  // s
-  Vector3 delta_angle = Vector3::Zero(), delta_velocity = Vector3::Zero();
-  void add(const Sample& sample, double step_s) noexcept {
+  LaneVector delta_angle, delta_velocity;
+  [[gnu::always_inline]] void add(Lanes angle, Lanes velocity, double step_s) noexcept {
     dt += step_s;
-    delta_angle += sample.delta_angle;
-    delta_velocity += sample.delta_velocity;
+    delta_angle.add(angle);
+    delta_velocity.add(velocity);
   }
 };
 
