@@ -71,6 +71,7 @@ void Loop::run() noexcept {
   send_all();
 }
 
+// The functions that every sample needs are inline: each call would save and restore the same registers.
 void Loop::round() noexcept {
   const HostTime now = paced_ ? host_.now() : HostTime{};
   if (paced_ && now - looked_ > between_looks) {
@@ -286,7 +287,7 @@ void Loop::set_ahead_of_next() noexcept {
 }
 
 // Takes all samples of the instant `due_`.
-void Loop::prepare() noexcept {
+[[gnu::always_inline]] inline void Loop::prepare() noexcept {
   if (has_commands()) execute_commands();
   const bool at_rest = prepared_at_rest_ = !waits_for_truth_ && is_at_rest(due_);
   set_ahead_of_next();
@@ -299,7 +300,7 @@ void Loop::prepare() noexcept {
   } while (next_due() == due_);
 }
 
-void Loop::transmit(HostTime now) noexcept {
+[[gnu::always_inline]] inline void Loop::transmit(HostTime now) noexcept {
   if (sink_.keeps()) sink_.set_time(paced_ ? now : host_.now());
   cycle_power_if_requested(now);
   pace_.transmit(due_, due_);
@@ -316,7 +317,7 @@ void Loop::skip(HostTime now) noexcept {
   complete(now);
 }
 
-void Loop::complete(HostTime now) noexcept {
+[[gnu::always_inline]] inline void Loop::complete(HostTime now) noexcept {
   epoch_.update(now);
   for (const Channel* channel : engine_.prepared()) {
     if (epoch_.moves(channel->number)) [[unlikely]]
