@@ -5,6 +5,7 @@
 
 #include "core/attitude.hpp"
 #include "core/earth/earth.hpp"
+#include "core/gnss/antenna_line.hpp"
 #include "core/gnss/sky.hpp"
 #include "core/numbers/correlated_noise.hpp"
 #include "core/time.hpp"
@@ -26,6 +27,9 @@ struct NavigationErrors {
   Vector3 velocity_noise = Vector3::Zero();  // m/s, standard deviation of one sample
   Vector3 attitude = Vector3::Zero();        // rad, standard deviation of rotations about north, east, down
   double attitude_correlation_s = 300;
+  // rad, standard deviation of the heading that two antennas along the platform's x axis give with each fix, white,
+  // not negative; 0: there is one antenna.
+  double antennas_heading = 0;
   // Its sky, if there is an almanac, multiplies the errors of position and velocity by accuracy_factor. The times of
   // its search are not applied here (gnss/acquisition.hpp).
   GnssModel gnss;
@@ -44,16 +48,20 @@ class NavigationError {
               Quantity::gnss_time),
         sky_(errors.gnss),
         has_noise_(!errors.position_noise.isZero(0.0) || !errors.velocity_noise.isZero(0.0)),
-        on_(has_noise_ || sky_.is_on() || position_.is_on() || velocity_.is_on() || attitude_.is_on() ||
-            time_.is_on()) {}
+        has_errors_(has_noise_ || sky_.is_on() || position_.is_on() || velocity_.is_on() || attitude_.is_on() ||
+                    time_.is_on()) {}
 
-  // Returns false if there are no errors but the latency, which is not applied here.
-  bool is_on() const noexcept { return on_; }
+  // Returns false if there are no errors but the latency, which is not applied here, and no second antenna.
+  bool is_on() const noexcept { return has_errors_ || errors_.antennas_heading > 0; }
   Nanoseconds latency() const noexcept { return errors_.latency; }
 
-  // Adds the errors of sample k to its place, if the place is known, and to its attitude. With too few satellites the
-  // place becomes unknown. The last call must have been for sample k - 1, or seek(k).
+  // Adds the errors of sample k to its place, if the place is known, and to its attitude, which must be the true one.
+  // A known place gets the line of two antennas. With too few satellites the place becomes unknown. The last call
+  // must have been for sample k - 1, or seek(k).
   void apply(Sample& sample, const Normals& normals, std::uint64_t k) noexcept {
+    if (errors_.antennas_heading > 0 && sample.navigation.is_known) [[unlikely]]
+      sample.navigation.antennas = measured_line(sample.q_LP, errors_.antennas_heading, normals, k);
+    if (!has_errors_) return;
     if (attitude_.is_on()) sample.q_LP = exp(attitude_.next(normals, k)) * sample.q_LP;
     Vector3 position = Vector3::Zero(), velocity = Vector3::Zero();
     if (position_.is_on()) position = position_.next(normals, k);
@@ -101,7 +109,7 @@ class NavigationError {
   CorrelatedNoise position_, velocity_, attitude_;
   CorrelatedNoise time_;  // on x
   Sky sky_;
-  bool has_noise_, on_;
+  bool has_noise_, has_errors_;
 };
 
 }  // namespace imud

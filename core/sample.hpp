@@ -42,6 +42,19 @@ struct Dilution {
 // The dilutions of a receiver under an open sky; chosen.
 inline constexpr Dilution open_sky = {1.65F, 1.44F, 0.80F, 1.20F, 0.80F, 0.57F, 0.57F};
 
+// The line from the main antenna of a receiver to its second one, which gives a heading (gnss/antenna_line.hpp).
+struct AntennaLine {
+  Vector3 direction_L = Vector3::Zero();  // of length 1, with the error of the measured azimuth
+  double sigma = 0;                       // rad, the standard deviation of that azimuth; 0: there is one antenna
+  Nanoseconds age{0};                     // not negative, since the receiver has measured it
+
+  // Returns whether the line has a heading: within 10 degrees of the vertical it has none.
+  bool has_heading() const noexcept {
+    constexpr double least2 = 0.03;  // of its horizontal part
+    return sigma > 0 && direction_L.head<2>().squaredNorm() >= least2;
+  }
+};
+
 // A place and the time of a sample on the Earth (frames E and L: core/README.md).
 struct Navigation {
   bool is_known = false;               // if not, place, time and velocity are 0
@@ -57,6 +70,7 @@ struct Navigation {
   // The origin of relative positions: N's own where N is a local level, elsewhere the vehicle's place (the origin of
   // B) at the first truth of the run, or at rest before it.
   Geodetic origin = {};
+  AntennaLine antennas = {};  // of a receiver with a fix and two antennas
 };
 
 // The bits of Solution::used and rejected.
@@ -108,6 +122,12 @@ struct Sample {
   Nanoseconds fix_age() const noexcept {
     return solution && solution->has_epochs ? solution->receiver.age : Nanoseconds{0};
   }
+  // The line of the antennas that the receiver has measured; nullptr where it has no fix, one antenna, or no heading.
+  const AntennaLine* antennas() const noexcept {
+    return fix().is_known && fix().antennas.has_heading() ? &fix().antennas : nullptr;
+  }
+  // The time from the instant of that measurement to this sample; 0 where there is none.
+  Nanoseconds antennas_age() const noexcept { return antennas() != nullptr ? antennas()->age : Nanoseconds{0}; }
   // The place whose GPS time is reported: the receiver's fix while a filter has no place.
   const Navigation& timed() const noexcept { return navigation.is_known ? navigation : fix(); }
   // The GPS time of the instant of the fix, ns since 1980-01-06; without a fix the time of the sample, 0 if unknown.

@@ -3,7 +3,6 @@
 #include <cmath>
 #include <utility>
 
-#include "core/attitude.hpp"
 #include "core/navigation/azimuth.hpp"
 #include "core/navigation/navigator.hpp"
 #include "core/units.hpp"
@@ -109,22 +108,15 @@ bool Navigator::use_azimuth(std::uint16_t aid, const InertialFilter::Measurement
   return is_used;
 }
 
-// Returns the line from one antenna to the other, as the receiver measures it: the platform's x axis, by the true
-// attitude, with noise of the azimuth. Unlike a fix this measurement is not late: a unit corrects for its time.
-Vector3 Navigator::baseline_L(const Sample& sample) const noexcept {
-  const double noise =
-      model_.antennas_heading * normals_(Quantity::attitude, Process::white_noise, sample.counter).z();
-  return exp(Vector3(0, 0, noise)) * (sample.q_LP * Vector3::UnitX());
-}
-
 void Navigator::use_antennas(const Sample& sample, const At& at) noexcept {
   const Navigation here = place(at);
+  const AntennaLine& line = sample.navigation.antennas;
   if (!sample.navigation.is_known || !here.is_known) return;
   const Quaternion q_LN = earth_.q_LN(position_of(at), here);
-  const Vector3 measured = baseline_L(sample), estimated = q_LN * (filter_.motion().q_NP * Vector3::UnitX());
-  constexpr double least2 = 0.03;  // of the horizontal part: within 10 degrees of the vertical there is no heading
-  if (measured.head<2>().squaredNorm() < least2 || estimated.head<2>().squaredNorm() < least2) return;
-  const auto heading = azimuth_measurement(measured, estimated, q_LN, model_.antennas_heading);
+  const AntennaLine estimated = {.direction_L = q_LN * (filter_.motion().q_NP * Vector3::UnitX()),
+                                 .sigma = line.sigma};
+  if (!line.has_heading() || !estimated.has_heading()) return;
+  const auto heading = azimuth_measurement(line.direction_L, estimated.direction_L, q_LN, line.sigma);
   const double interval_s = static_cast<double>(fix_every_) * period_s_;
   const bool is_used = use_azimuth(aid::antennas_heading, heading, q_LN, interval_s, antenna_headings_rejected_s_);
   ++(is_used ? antenna_headings_.used : antenna_headings_.rejected);

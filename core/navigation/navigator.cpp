@@ -42,7 +42,7 @@ Matrix3 turned(const Matrix3& axes, const Vector3& sigma) {
 
 }  // namespace
 
-Navigator::Navigator(const NavigatorModel& model, const ImuModel& imu, const Normals& normals)
+Navigator::Navigator(const NavigatorModel& model, const ImuModel& imu)
     : model_(model),
       earth_(imu.earth),
       start_gps_ns_(imu.earth.start_gps_ns),
@@ -57,8 +57,7 @@ Navigator::Navigator(const NavigatorModel& model, const ImuModel& imu, const Nor
       velocity_error_(AidErrors(model_).velocity),
       height_error_(AidErrors(model_).height),
       past_(static_cast<std::size_t>(samples_of(latency_, imu.rate_hz) + 1)),
-      rest_detector_(model_.noise),
-      normals_(normals) {
+      rest_detector_(model_.noise) {
   filter_.estimate_scale_factors(scale_sigmas());
 }
 
@@ -144,9 +143,9 @@ void Navigator::take(Sample& sample, TruthTime time, std::optional<double> earth
       forget(aid::position | aid::velocity);
       use_fix(sample, at);
     }
-    if (is_due && model_.antennas_heading > 0) {
+    if (is_due) {
       forget(aid::antennas_heading);
-      if (has_antennas()) use_antennas(sample, at);
+      if (has_antennas(sample)) use_antennas(sample, at);
     }
     if (heading_every_ > 0 && since % heading_every_ == 0) {
       forget(aid::magnetic_heading);
@@ -244,10 +243,11 @@ std::optional<Navigator::Aligned> Navigator::coarse_attitude(const PositionVeloc
     second_N = from_L * horizontal_at(given_->azimuth);
     second_P0 = given_->ahead_P;
     sigma.y() = GivenHeading::sigma;
-  } else if (has_antennas()) {
-    second_N = from_L * baseline_L(sample);
-    sigma.y() = model_.antennas_heading;
-    add_tilt(baseline_L(sample));
+  } else if (has_antennas(sample)) {
+    const AntennaLine& line = sample.navigation.antennas;
+    second_N = from_L * line.direction_L;
+    sigma.y() = line.sigma;
+    add_tilt(line.direction_L);
     second_P0 = alignment_.q_P0P() * Vector3::UnitX();
   } else if (!window_->magnetic_field_P0().isZero(0.0)) {
     const Vector3 field_L = earth_.magnetic_field_L(sample.navigation);

@@ -11,7 +11,6 @@
 #include "core/navigation/navigation_requests.hpp"
 #include "core/navigation/receiver_fix.hpp"
 #include "core/navigation/rest_detector.hpp"
-#include "core/numbers/random.hpp"
 #include "core/sample.hpp"
 #include "core/timeline.hpp"
 
@@ -32,13 +31,10 @@ void tune(NavigatorModel& navigator, const ImuModel& imu) noexcept;
 class Navigator {
  public:
   // NavigationErrors::latency is the age of the receiver's fixes. Up to about a second the covariance allows for it.
-  // `normals` are the random numbers of the imu, for the noise of the antennas.
-  Navigator(const NavigatorModel& model, const ImuModel& imu, const Normals& normals = {0, 0});
+  Navigator(const NavigatorModel& model, const ImuModel& imu);
 
   // Makes the next sample the first of a run, or of a power on: the alignment begins.
   void restart() noexcept;
-  // Replaces the seed of the noise.
-  void set_seed(std::uint64_t seed) noexcept { normals_.set_seed(seed); }
   // Fixes (aid::position), antennas, magnetic headings and heights can be withheld. The magnetic field is the one of
   // the samples (OwnSolution).
   void set_aids(const NavigationAids& aids) noexcept;
@@ -94,7 +90,6 @@ class Navigator {
   void use_fix(const Sample& sample, const At& at) noexcept;
   void use_heading(const Sample& sample, const At& at) noexcept;
   void use_antennas(const Sample& sample, const At& at) noexcept;
-  Vector3 baseline_L(const Sample& sample) const noexcept;
   void use_height(const Sample& sample, const At& at) noexcept;
   void use_rest(const Sample& sample, const At& at, double dt) noexcept;
   InertialFilter::ScaleSigmas scale_sigmas() const noexcept {
@@ -106,7 +101,9 @@ class Navigator {
   bool is_slow(const Navigation& here, const Navigation& fix) const noexcept;
   bool has(std::uint16_t aid) const noexcept { return (aids_.withheld & aid) == 0; }
   bool has_fix(const Sample& sample) const noexcept { return sample.navigation.is_known && has(aid::position); }
-  bool has_antennas() const noexcept { return model_.antennas_heading > 0 && has(aid::antennas_heading); }
+  bool has_antennas(const Sample& sample) const noexcept {
+    return sample.navigation.antennas.sigma > 0 && has(aid::antennas_heading);
+  }
   // Clears the bits of `aids` in `used_` and `rejected_`. Called when an aid is due.
   void forget(unsigned aids) noexcept;
   bool use(std::uint16_t aid, const InertialFilter::Measurement& measurement) noexcept;
@@ -170,7 +167,6 @@ class Navigator {
   // The times for which all heights, or all headings of an aid, have been rejected.
   double heights_rejected_s_ = 0, headings_rejected_s_ = 0, antenna_headings_rejected_s_ = 0;
   RestDetector rest_detector_;
-  Normals normals_;
   Counts fixes_, headings_, antenna_headings_, heights_, rests_;
   std::uint16_t used_ = 0, rejected_ = 0;  // Solution's
 };

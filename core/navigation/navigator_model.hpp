@@ -44,8 +44,7 @@ struct NavigatorModel {
   // The exponentially correlated errors of a fix, which the filter estimates: standard deviations, and times above 0.
   Vector3 slow_position = Vector3::Zero(), slow_velocity = Vector3::Zero();
   double slow_position_s = 600, slow_velocity_s = 60;
-  double heading = 0.035;       // rad, of a magnetic heading
-  double antennas_heading = 0;  // rad, of the heading by two antennas, with each fix; 0: there is one antenna
+  double heading = 0.035;  // rad, of a magnetic heading
   // The rate of barometric heights; 0: none is used. The difference of a height by the standard atmosphere from one
   // above the ellipsoid is estimated, as a random walk: weather, the geoid, and the barometer's own errors.
   double barometer_rate_hz = 0;

@@ -14,17 +14,11 @@ namespace imud {
 // throws; not thread-safe.
 class OwnSolution {
  public:
-  // `normals` are the random numbers of the imu.
-  OwnSolution(const NavigatorModel& model, const ImuModel& imu, const Normals& normals)
-      : of_(made(model, imu, normals)) {}
+  OwnSolution(const NavigatorModel& model, const ImuModel& imu) : of_(made(model, imu)) {}
 
   // Makes the next sample the first of a run, or of a power on: the alignment begins.
   void restart() noexcept {
     std::visit([](auto& of) { of.restart(); }, of_);
-  }
-  // Replaces the seed of the noise of aids.
-  void set_seed(std::uint64_t seed) noexcept {
-    if (auto* navigator = std::get_if<Navigator>(&of_)) navigator->set_seed(seed);
   }
   // Sets how the aids are used, until the next call.
   void set_aids(const NavigationAids& aids) noexcept {
@@ -65,9 +59,9 @@ class OwnSolution {
 
  private:
   using Either = std::variant<Navigator, AttitudeReference>;
-  static Either made(const NavigatorModel& model, const ImuModel& imu, const Normals& normals) {
+  static Either made(const NavigatorModel& model, const ImuModel& imu) {
     if (model.kind == NavigatorModel::Kind::attitude) return AttitudeReference(model, imu);
-    return Navigator(model, imu, normals);
+    return Navigator(model, imu);
   }
   // Gives the sample the magnetic field that the filter uses; returns the measured one.
   Vector3 compensate(Sample& sample) const noexcept {

@@ -10,8 +10,8 @@
 namespace imud {
 
 // A fix is made at every epoch of the receiver, a constant number of samples apart. Between two epochs the fix stays
-// as it is, and its age grows. So a loss of the fix, and its return, show at the next epoch. Nothing here allocates,
-// locks or throws; not thread-safe.
+// as it is, with the line of its antennas, and its age grows. So a loss of the fix, and its return, show at the next
+// epoch. Nothing here allocates, locks or throws; not thread-safe.
 class ReceiverFix {
  public:
   // `every`: the number of samples from one epoch to the next; 0: every sample is an epoch.
@@ -29,6 +29,7 @@ class ReceiverFix {
       fix_ = possible;
     } else if (fix_.is_known) {  // the receiver's clock runs on; an error of it shows at the next epoch
       fix_.age += nanoseconds(dt);
+      fix_.antennas.age += nanoseconds(dt);
       fix_.gps_ns += nanoseconds(dt).count();
     }
     solution.receiver = fix_;

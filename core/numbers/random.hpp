@@ -80,7 +80,6 @@ class Normals {
 
   // Replaces the seed.
   void set_seed(std::uint64_t seed) noexcept { seed_ = seed; }
-  std::uint64_t seed() const noexcept { return seed_; }
   // Returns N(0, 1) on each of the three axes for sample `k`.
   Vector3 operator()(Quantity quantity, Process process, std::uint64_t k) const noexcept;
   // Returns a deviate that is uniform in (0, 1), from the random bits of the x axis' normal deviate.

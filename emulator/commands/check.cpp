@@ -71,7 +71,9 @@ std::string epoch_text(const Config& config) {
 }
 
 // Describes the unit's own filter.
-std::string solution_text(const NavigatorModel& navigator, const EarthModel& earth) {
+std::string solution_text(const ImuConfig& imu, const EarthModel& earth) {
+  const NavigatorModel& navigator = imu.navigator;
+  const double antennas_heading = imu.model.navigation.antennas_heading;
   const auto aid = [](double rate_hz, std::string_view what, const std::string& accuracy) {
     return rate_hz > 0 ? fmt::format("{} at {:g} Hz ({})", what, rate_hz, accuracy) : fmt::format("no {}", what);
   };
@@ -89,10 +91,9 @@ std::string solution_text(const NavigatorModel& navigator, const EarthModel& ear
               "the heading drifts from 0",
         is_coarse ? fmt::format("it levels for {:g} s", navigator.alignment_s) : "it begins at the true attitude");
   }
-  const std::string antennas = navigator.antennas_heading > 0
-                                   ? fmt::format(", headings by two antennas with them ({:.3g} deg)",
-                                                 navigator.antennas_heading / units::degree)
-                                   : std::string();
+  const std::string antennas = antennas_heading > 0 ? fmt::format(", headings by two antennas with them ({:.3g} deg)",
+                                                                  antennas_heading / units::degree)
+                                                    : std::string();
   const std::string height = navigator.barometer_rate_hz > 0
                                  ? fmt::format(", {}", aid(navigator.barometer_rate_hz, "barometric heights",
                                                            fmt::format("{:.3g} m", navigator.barometric_height)))
@@ -135,7 +136,7 @@ void print_text(const std::string& path, const Config& config) {
     for (const TriadFilter& triad : triad_filters(imu.model))
       fmt::print("{:<8} {} filter{} at {} Hz: {}\n", "", triad.name, imu.device_filters ? " of the product" : "",
                  triad.rate_hz, triad.text());
-    if (imu.navigator.is_on) fmt::print("{:<8} {}\n", "", solution_text(imu.navigator, config.truth.earth));
+    if (imu.navigator.is_on) fmt::print("{:<8} {}\n", "", solution_text(imu, config.truth.earth));
   }
   for (const BusLoad& bus : bus_loads(config.imus))
     if (bus.imus.size() > 1) fmt::print("{:<8} {}, {} imus: {}\n", "bus", bus.address, bus.imus.size(), bus.text());

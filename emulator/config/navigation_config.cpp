@@ -145,8 +145,9 @@ void read_navigator(TableReader& table, const TruthConfig& truth, ImuConfig& imu
   navigator.gnss_rate_hz = of_filter("gnss_rate_hz", navigator.gnss_rate_hz, 0, 100);
   navigator.magnetic_rate_hz = of_both("magnetic_rate_hz", navigator.magnetic_rate_hz, 0, 100);
   navigator.heading = units::degree * of_both("magnetic_heading_deg", 2, 0.01, 180);
-  navigator.antennas_heading = units::degree * of_filter("antennas_heading_deg", 0, 0, 10);
-  if (navigator.antennas_heading > 0 && navigator.gnss_rate_hz == 0)
+  if (is_inertial || table.has("antennas_heading_deg"))
+    imu.model.navigation.antennas_heading = units::degree * table.real("antennas_heading_deg", 0, 0, 10);
+  if (is_inertial && model.navigation.antennas_heading > 0 && navigator.gnss_rate_hz == 0)
     table.fault("antennas_heading_deg", "comes with fixes; give a gnss_rate_hz above 0");
   navigator.barometer_rate_hz = of_filter("barometer_rate_hz", navigator.barometer_rate_hz, 0, 100);
   navigator.barometric_height = of_filter("barometric_height_m", navigator.barometric_height, 0.01, most);

@@ -187,14 +187,12 @@ Reload::Reload(const Config& before, const Config& after, std::span<const ImuCon
     const bool is_ideal = imus[i].errors_model == model_of_truth;
     const ImuModel model = is_ideal ? without_errors(*imu).model : imu->model;
     const bool filters = !is_ideal && imus[i].device_filters, filters_itself = !is_ideal && imu->navigator.is_on;
-    const Normals normals(imus[i].seed.value_or(seed), stream_id(imus[i].name));
     sensors.push_back(
         {.channel = i,
          .model = model,
          .imu = Imu(model, imus[i].seed.value_or(seed), stream_id(imus[i].name)),
          .oscillator = Oscillator(model.oscillator, model.temperature, model.temperature_c, imu->grid),
-         .solution = filters_itself ? std::optional<OwnSolution>(std::in_place, imu->navigator, model, normals)
-                                    : std::nullopt,
+         .solution = filters_itself ? std::optional<OwnSolution>(std::in_place, imu->navigator, model) : std::nullopt,
          .judge = filters_itself ? std::optional<SolutionJudge>(model) : std::nullopt,
          .grid = changes_key("rate_hz") || changes_key("clock_error_ppm") ? std::optional(imu->grid) : std::nullopt,
          .device = nullptr,

@@ -29,7 +29,7 @@ Sensor::Sensor(const ImuConfig& config, std::uint64_t seed, ChannelFaults* fault
       faults_(faults) {
   if (device_filters_) imu_.reserve_filters(Device::longest_boxcar);
   if (config.navigator.is_on) {
-    solution_.emplace(config.navigator, config.model, normals_);
+    solution_.emplace(config.navigator, config.model);
     judge_.emplace(config.model);
   }
   if (faults_ == nullptr) return;
@@ -133,7 +133,6 @@ void Sensor::restart() noexcept {
 void Sensor::set_seed(std::uint64_t seed) noexcept {
   imu_.set_seed(seed);
   normals_.set_seed(seed);
-  if (solution_) solution_->set_seed(seed);
 }
 
 void Sensor::follow(const std::optional<SensorFilters>& filters, const NavigationRequests& requests) noexcept {
@@ -155,10 +154,7 @@ void Sensor::exchange(Reload::Sensor& next) noexcept {
   next.imu.continue_from(imu_);
   std::swap(imu_, next.imu);
   std::swap(solution_, next.solution);
-  if (solution_) {
-    solution_->set_aids(requests_.aids);
-    solution_->set_seed(normals_.seed());  // a command may have replaced it
-  }
+  if (solution_) solution_->set_aids(requests_.aids);
   std::swap(judge_, next.judge);
   if (judge_ && next.judge) judge_->watch_as(*next.judge);
   if (next.grid) {

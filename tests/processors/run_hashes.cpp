@@ -202,7 +202,6 @@ NavigatorModel navigator_of(const Unit& unit, const ImuModel& model) {
   if (!unit.has_all_aids) return navigator;
   navigator.slow_position = model.navigation.position;
   navigator.slow_velocity = model.navigation.velocity;
-  navigator.antennas_heading = 0.005;
   navigator.barometer_rate_hz = 10;
   navigator.zero_velocity = true;
   return navigator;
@@ -213,7 +212,7 @@ class Run {
  public:
   Run(Device& device, double rate_hz, Link link, const Unit& unit)
       : device_(device), grid_(rate_hz), is_can_(link == Link::can), unit_(unit), model_(model_of(unit, rate_hz)) {
-    if (unit.solution) solution_.emplace(navigator_of(unit, model_), model_, Normals(20261127, 1));
+    if (unit.solution) solution_.emplace(navigator_of(unit, model_), model_);
   }
 
   void over(const std::vector<Truth>& flight) {
@@ -231,6 +230,8 @@ class Run {
           add([&] { device_.poll(*due, *frames_); });
         Sample sample = imu.sample(timeline, instant, now);
         if (solution_) {
+          if (unit_.has_all_aids && sample.navigation.is_known)
+            sample.navigation.antennas = measured_line(sample.q_LP, 0.005, Normals(20261127, 1), sample.counter);
           solution_->take(sample, instant, std::nullopt);
           aids_used_ |= sample.solution->used;
         }

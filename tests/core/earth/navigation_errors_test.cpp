@@ -84,6 +84,33 @@ TEST_F(NavigationErrorTest, ComponentsHaveTheirStandardDeviations) {
   expect(attitude, {1e-3, 1e-3, 1e-2});
 }
 
+// The mean square of 4000 azimuths lies within 5 of its standard deviations. A fault without cause is below 1e-6.
+TEST_F(NavigationErrorTest, TwoAntennasMeasureTheTrueAttitude) {
+  const Sample truth = sample();
+  EXPECT_EQ(truth.antennas(), nullptr);
+  model_.navigation.antennas_heading = 0.01;
+  const Sample measured = sample();
+  ASSERT_NE(measured.antennas(), nullptr);
+  EXPECT_EQ(measured.antennas()->sigma, 0.01);
+  EXPECT_EQ(measured.navigation.r_E, truth.navigation.r_E) << "nothing else has errors";
+  EXPECT_EQ(measured.navigation.latitude, truth.navigation.latitude);
+  EXPECT_EQ(measured.navigation.gps_ns, truth.navigation.gps_ns);
+  EXPECT_EQ(measured.q_LP.coeffs(), truth.q_LP.coeffs());
+  model_.navigation.attitude = {0.1, 0.1, 0.5};
+  constexpr int n = 4000;
+  double square = 0;
+  Imu imu(model_, 1, 1);
+  for (int k = 0; k < n; ++k) {
+    const Vector3 line = imu.sample(timeline_, TruthTime{1'500'000'000 + k}, {}).antennas()->direction_L;
+    const Vector3 ahead = truth.q_LP * Vector3::UnitX();
+    EXPECT_NEAR(line.z(), ahead.z(), 1e-9);
+    square += std::pow(std::atan2(line.y(), line.x()) - std::atan2(ahead.y(), ahead.x()), 2);
+  }
+  EXPECT_NEAR(square / n / 1e-4, 1, 5 * std::sqrt(2.0 / n));
+  model_.earth.frame = EarthModel::Frame::none;
+  EXPECT_EQ(sample().navigation.antennas.sigma, 0) << "no fix";
+}
+
 TEST_F(NavigationErrorTest, ASampleHasTheErrorsOfTheSequence) {
   model_.navigation.position = model_.navigation.velocity = Vector3::Ones();
   model_.navigation.attitude = Vector3::Constant(0.01);

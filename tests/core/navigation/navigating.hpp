@@ -80,7 +80,7 @@ inline void fly(const NavigatingUnit& model, double seconds_long, const std::fun
   without.navigation = {};
   without.magnetometer = {};
   Imu imu(model, seed, 1), reference(without, seed, 1);
-  Navigator navigator(model.navigator, model, Normals(seed, 1));
+  Navigator navigator(model.navigator, model);
   const Grid grid(model.rate_hz), truths(100);
   std::uint64_t pushed = 0;
   for (std::uint64_t k = 0; grid.offset(k) <= nanoseconds(seconds_long); ++k) {

@@ -199,7 +199,7 @@ TEST(NavigatorAids, SlowErrorsOfTheReceiverAreConsistent) {
 
 NavigatingUnit unit_with_antennas() {
   NavigatingUnit model = mems_unit();
-  model.navigator.antennas_heading = 0.2 * units::degree;
+  model.navigation.antennas_heading = 0.2 * units::degree;
   return model;
 }
 
@@ -259,7 +259,8 @@ TEST(NavigatorAids, HeadingsAreAcceptedInTheEnd) {
     const auto turn = [&](Sample& sample, double t) {
       if (t <= 20) return;
       if (by_antennas) {
-        sample.q_LP = exp(Vector3(0, 0, off)) * sample.q_LP;
+        AntennaLine& line = sample.navigation.antennas;
+        line.direction_L = exp(Vector3(0, 0, off)) * line.direction_L;
       } else {
         sample.magnetic_field = exp(Vector3(0, 0, -off)) * sample.magnetic_field;
       }

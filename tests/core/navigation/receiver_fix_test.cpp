@@ -56,6 +56,24 @@ TEST(ReceiverFix, OneOfFortySamplesHasANewFix) {
   }
 }
 
+// The line of two antennas is measured at the epochs. Its age does not have the latency.
+TEST(ReceiverFix, TheLineOfTheAntennasIsOfTheEpoch) {
+  NavigatingUnit unit = receiving_unit(std::chrono::milliseconds(120));
+  unit.navigation.antennas_heading = 0.01;
+  std::optional<Vector3> last;
+  int lines = 0;
+  fly(unit, 5, nullptr, [&](const Sample& sample, const Errors&, double t) {
+    ASSERT_NE(sample.antennas(), nullptr) << t;
+    const Vector3 line = sample.antennas()->direction_L;
+    const std::uint32_t since = sample.solution->since_epoch;
+    EXPECT_EQ(sample.antennas_age(), std::chrono::milliseconds(5 * static_cast<int>(since))) << t;
+    if (since == 0) ++lines;
+    EXPECT_EQ(last == line, since != 0) << t;
+    last = line;
+  });
+  EXPECT_GE(lines, 25);
+}
+
 // No truth is older than the run: at its begin the fixes are less late.
 TEST(ReceiverFix, TheFirstFixesAreNotLate) {
   const NavigatingUnit unit = receiving_unit(std::chrono::milliseconds(500));

@@ -122,6 +122,9 @@ TEST_F(SolutionTest, KeysAreChecked) {
   EXPECT_FALSE(load("solution = \"filter\"\n").imus[0].navigator.estimates_scale_factors);
   EXPECT_TRUE(
       load("solution = \"filter\"\nestimate_scale_factors = true\n").imus[0].navigator.estimates_scale_factors);
+  const ImuConfig antennas = load("solution = \"truth\"\nantennas_heading_deg = 1\n").imus[0];
+  EXPECT_FALSE(antennas.navigator.is_on);
+  EXPECT_EQ(antennas.model.navigation.antennas_heading, units::degree);
   for (const char* wrong : {"solution = \"kalman\"\n", "gnss_rate_hz = 5\n", "barometer_rate_hz = 5\n",
                             "solution = \"filter\"\nantennas_heading_deg = 1\ngnss_rate_hz = 0\n",
                             "solution = \"filter\"\nbarometric_height_m = 0\n",
