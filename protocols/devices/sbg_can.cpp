@@ -13,7 +13,7 @@
 //
 // The messages GPS1 are the last fix of the unit's receiver, whatever its solution is, with the time of the fix
 // ("position timestamp"). AIR_DATA is the unit's barometer, whose altitude is "referenced to a standard 1013.25 hPa
-// zero level pressure". The heading of two antennas (GPS1_HDT) is not sent.
+// zero level pressure".
 #include <algorithm>
 #include <cmath>
 
@@ -55,9 +55,7 @@ double clock_status(const Reading& reading) noexcept {
 // receiver, the heading of two antennas (2), the magnetometer (8), the barometer (13).
 double aiding_status(const Reading& reading) noexcept {
   const Sample& sample = reading.sample;
-  const bool has_antennas =
-      sample.solution && ((sample.solution->used | sample.solution->rejected) & aid::antennas_heading) != 0;
-  return (sample.fix().is_known ? 0x0BU : 0U) | (has_antennas ? 0x04U : 0U) |
+  return (sample.fix().is_known ? 0x0BU : 0U) | (sample.antennas() != nullptr ? 0x04U : 0U) |
          (has_magnetometer(sample) ? 0x100U : 0U) | (sample.pressure != 0 ? 0x2000U : 0U);
 }
 
@@ -151,6 +149,17 @@ double gps_course_accuracy(const Reading& reading) noexcept {
   return across < units::pi * square ? across / square : units::pi;
 }
 
+// GPS_HDT_STATUS, bits 0 to 5: 0 computed, 1 too few satellites; bit 6: the length of the baseline is valid, which no
+// message on CAN has. Without a heading the accuracies of heading and pitch are 180 and 90 deg, from which on they
+// are not valid (sbgEComLogGnssHdt.c; an accuracy of 0 is not valid either). Some receivers measure no pitch
+// (sbgEComLogGnssHdt.h). So does this one, because no figure of its accuracy is known.
+double gps_heading_status(const Reading& reading) noexcept { return reading.sample.antennas() != nullptr ? 0 : 1; }
+constexpr double heading_lsb = 0.01 * units::degree;
+double gps_heading_accuracy(const Reading& reading) noexcept {
+  const AntennaLine* const line = reading.sample.antennas();
+  return line != nullptr ? std::clamp(line->sigma, heading_lsb, units::pi - heading_lsb) : units::pi;
+}
+
 // --- The barometer ---
 // AIR_DATA_STATUS (doc/binaryMessages.md): bit 1: the pressure is valid, bit 2: the altitude is valid.
 double air_data_status(const Reading& reading) noexcept { return reading.sample.pressure > 0 ? 6 : 0; }
@@ -170,7 +179,8 @@ constexpr CanSignal own(std::string_view name, unsigned start, unsigned length, 
 }
 
 constexpr CanSignal time_stamp = {"TIME_STAMP", 0, 32, intel_unsigned, 1, 0, "time_us"},
-                    fix_time_stamp = {"TIME_STAMP", 0, 32, intel_unsigned, 1, 0, "gnss_time_us"};
+                    fix_time_stamp = {"TIME_STAMP", 0, 32, intel_unsigned, 1, 0, "gnss_time_us"},
+                    heading_time_stamp = {"TIME_STAMP", 0, 32, intel_unsigned, 1, 0, "gnss_heading_time_us"};
 
 // GENERAL_STATUS: power, settings, temperature, logger and processor are good. COM_STATUS: no error on the ports A to
 // E (bits 0 to 14), nor on the CAN bus (25 to 27), whose state is 2, good (28 to 30).
@@ -263,6 +273,11 @@ constexpr CanSignal gps1_pos_acc[] = {own<gps_accuracy<&ReceiverAccuracy::positi
                                       own<gps_accuracy<&ReceiverAccuracy::position, 1>>("LONG_ACC", 16, 16, 0.01),
                                       own<gps_accuracy<&ReceiverAccuracy::position, 2>>("ALT_ACC", 32, 16, 0.01),
                                       {.name = "BASE_STATION_ID", .start = 48, .length = 16, .initial = 0xFFFF}};
+constexpr CanSignal gps1_hdt_info[] = {heading_time_stamp, own<gps_heading_status>("GPS_HDT_STATUS", 32, 16, 1)};
+constexpr CanSignal gps1_hdt[] = {{"TRUE_HEADING", 0, 16, intel_unsigned, 0.01, 0, "gnss_heading_deg%360"},
+                                  own<gps_heading_accuracy>("TRUE_HEADING_ACC", 16, 16, heading_lsb),
+                                  {.name = "PITCH", .start = 32, .length = 16, .initial = 0},
+                                  {.name = "PITCH_ACC", .start = 48, .length = 16, .initial = 9000}};
 
 constexpr SignalProductMessage messages[] = {
     {"status_01", 0x100, 8, status_01},
@@ -297,6 +312,8 @@ constexpr SignalProductMessage messages[] = {
     {"gps1_pos", 0x175, 8, gps1_pos},
     {"gps1_pos_alt", 0x176, 8, gps1_pos_alt},
     {"gps1_pos_acc", 0x177, 8, gps1_pos_acc},
+    {"gps1_hdt_info", 0x178, 6, gps1_hdt_info},
+    {"gps1_hdt", 0x179, 8, gps1_hdt},
 };
 // Figures of the Ellipse, from memory of the data sheet: 450 deg/s, 0.15 deg/sqrt(h); 8 g, 57 ug/sqrt(Hz).
 constexpr SignalProduct sbg_can_table = {.messages = messages,

@@ -90,6 +90,11 @@ constexpr MeasuredQuantity with_fix(std::string_view name, std::string_view help
   return {.name = name, .help = help, .units = units, .get = get, .needs = MeasuredQuantity::Needs::fix};
 }
 
+constexpr MeasuredQuantity with_antennas(std::string_view name, std::string_view help, std::span<const KeyUnit> units,
+                                         double (*get)(const Reading&) noexcept) {
+  return {.name = name, .help = help, .units = units, .get = get, .needs = MeasuredQuantity::Needs::antennas};
+}
+
 using enum MeasuredQuantity::Kind;
 constexpr MeasuredQuantity quantities[] = {
     {"rate_x", "angular rate", key_units::rate, newest<&Sample::rate, 0>, put<&Sample::rate, 0, 0>},
@@ -176,7 +181,12 @@ constexpr MeasuredQuantity quantities[] = {
      .help = "the same at the instant of the receiver's fix",
      .units = key_units::time,
      .kind = time,
-     .is_of_fix = true},
+     .instant = MeasuredQuantity::Instant::fix},
+    {.name = "gnss_heading_time",
+     .help = "the same at the instant of the heading of its two antennas",
+     .units = key_units::time,
+     .kind = time,
+     .instant = MeasuredQuantity::Instant::antennas},
     at_time("utc_year", "UTC; all are 0 where the truth has no date", {}, utc<year>),
     at_time("utc_month", "", {}, utc<month>),
     at_time("utc_day", "", {}, utc<day>),
@@ -247,6 +257,10 @@ constexpr MeasuredQuantity quantities[] = {
     with_fix("gnss_velocity_up", "", key_units::speed, climb<received>),
     with_fix("gnss_ground_speed", "", key_units::speed, ground_speed<received>),
     with_fix("gnss_track", "", key_units::angle, track<received>),
+    {"gnss_has_heading", "1 while two antennas of the receiver give a heading, else 0", {}, has_antennas},
+    with_antennas("gnss_heading", "of its two antennas, along x of the sensor, from north", key_units::angle,
+                  antennas_heading),
+    with_antennas("gnss_heading_sigma", "its standard deviation", key_units::angle, antennas_sigma),
     with_fix("gnss_position_sigma_north", "standard deviations that the receiver reports", key_units::length,
              receiver_sigma<&ReceiverAccuracy::position, 0>),
     with_fix("gnss_position_sigma_east", "", key_units::length, receiver_sigma<&ReceiverAccuracy::position, 1>),
@@ -274,6 +288,8 @@ bool MeasuredQuantity::is_known(const Sample& sample) const noexcept {
       return sample.timed().is_known;
     case Needs::fix:
       return sample.fix().is_known;
+    case Needs::antennas:
+      return sample.antennas() != nullptr;
     case Needs::nothing:
     default:
       return true;

@@ -49,17 +49,20 @@ struct MeasuredQuantity {
   void (*set)(double value, ReadBack& read) noexcept = nullptr;  // inverse of get; nullptr: none
   Kind kind = Kind::number;
   bool is_increment = false;  // depends on the increments of the Reading
-  // The condition for a meaningful value: the unit's place, the GPS time (Sample::timed()), or a fix of the
-  // receiver is known. If the condition is not met, a text format may omit the quantity.
-  enum class Needs : std::uint8_t { nothing, place, time, fix } needs = Needs::nothing;
-  bool is_of_fix = false;  // of Kind::time: at the instant of the receiver's fix. It is not read back
+  // The condition for a meaningful value: the unit's place, the GPS time (Sample::timed()), a fix of the receiver, or
+  // a heading of its antennas is known. If the condition is not met, a text format may omit the quantity.
+  enum class Needs : std::uint8_t { nothing, place, time, fix, antennas } needs = Needs::nothing;
+  // The instant of Kind::time: the sample's, the one of the receiver's fix, or the one of the line of its antennas. A
+  // receiver's time is not read back.
+  enum class Instant : std::uint8_t { sample, fix, antennas } instant = Instant::sample;
   bool is_known(const Sample& sample) const noexcept;
   // Returns the sensor's clock that a quantity of Kind::time reports.
   DeviceTime time_of(const Sample& sample) const noexcept {
-    return is_of_fix ? sample.stamp() - sample.fix_age() : sample.stamp();
+    if (instant == Instant::fix) return sample.stamp() - sample.fix_age();
+    return instant == Instant::antennas ? sample.stamp() - sample.antennas_age() : sample.stamp();
   }
   // Returns true if the time of a measurement follows from the quantity.
-  bool is_clock() const noexcept { return kind == Kind::time && !is_of_fix; }
+  bool is_clock() const noexcept { return kind == Kind::time && instant == Instant::sample; }
 };
 
 // A quantity in one of its units.

@@ -136,6 +136,15 @@ inline double horizontal_accuracy(const Reading& r) noexcept { return known_or_l
 inline double vertical_accuracy(const Reading& r) noexcept {
   return known_or_largest(r, receiver_sigma<&ReceiverAccuracy::position, 2>(r));
 }
+// The azimuth of the line of two antennas, 0 where the receiver has none.
+inline double has_antennas(const Reading& r) noexcept { return r.sample.antennas() != nullptr ? 1 : 0; }
+inline double antennas_heading(const Reading& r) noexcept {
+  const AntennaLine* const line = r.sample.antennas();
+  return line != nullptr ? elementary::atan2(line->direction_L.y(), line->direction_L.x()) : 0;
+}
+inline double antennas_sigma(const Reading& r) noexcept {
+  return r.sample.antennas() != nullptr ? r.sample.antennas()->sigma : 0;
+}
 inline double satellites(const Reading& r) noexcept {
   return r.sample.fix().is_known ? r.sample.fix().satellites : 0;
 }

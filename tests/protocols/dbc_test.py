@@ -75,7 +75,7 @@ def sbg_clock(sample, _):
 
 
 def sbg_aiding(sample, _):
-    return (0x0B if sample["gnss_fix"] else 0) | (4 if sample["aid_antennas_used"] else 0) | has_magnetometer(sample) << 8 | 1 << 13
+    return (0x0B if sample["gnss_fix"] else 0) | (4 if sample["gnss_has_heading"] else 0) | has_magnetometer(sample) << 8 | 1 << 13
 
 
 def sbg_solution(sample, _):
@@ -212,6 +212,10 @@ EXPECTED = {
         **{f"VEL_ACC_{axis[0].upper()}": sbg_gps_sigma("velocity", axis, 327.67) for axis in ("north", "east", "down")},
         "COURSE": lambda sample, _: float(sample["gnss_track"]) % (2 * math.pi), "COURSE_ACC": sbg_gps_course_sigma,
         "GPS1_POS.LATITUDE": "gnss_latitude", "GPS1_POS.LONGITUDE": "gnss_longitude", "GPS1_POS_ALT.ALTITUDE": "gnss_height",
+        "GPS_HDT_STATUS": lambda sample, _: 0 if sample["gnss_has_heading"] else 1,
+        "TRUE_HEADING": lambda sample, _: float(sample["gnss_heading"]) % (2 * math.pi),
+        "TRUE_HEADING_ACC": lambda sample, _: float(sample["gnss_heading_sigma"]) if sample["gnss_has_heading"] else math.pi,
+        "GPS1_HDT.PITCH": 0, "GPS1_HDT.PITCH_ACC": math.pi / 2,
         "NUM_SV": "gnss_satellites", "DIFF_CORR_AGE": 0xFF, "BASE_STATION_ID": 0xFFFF,
         **{f"{name}_ACC": sbg_gps_sigma("position", axis, 655.35)
            for name, axis in (("LAT", "north"), ("LONG", "east"), ("ALT", "down"))}},

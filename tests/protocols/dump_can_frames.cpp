@@ -73,6 +73,9 @@ Sample random_flight(std::uint64_t k, std::mt19937_64& random) {
   sample.magnetic_field = vector(60e-6);
   sample.pressure = 80e3 + 20e3 * uniform(random);
   sample.status = static_cast<std::uint32_t>(random()) & 0x3FU;
+  if (k % 3 != 0)
+    sample.navigation.antennas = {.direction_L = sample.q_LP * Vector3::UnitX(),
+                                  .sigma = 0.001 * static_cast<double>(k % 7 + 1)};
   return sample;
 }
 
@@ -155,7 +158,7 @@ int main() {
       "messages=status_01,status_02,status_03,utc_0,utc_1,imu_info,imu_accel,imu_gyro,imu_delta_vel,imu_delta_angle,"
       "ekf_info,ekf_quat,ekf_euler,ekf_orientation_acc,ekf_pos,ekf_altitude,ekf_pos_acc,ekf_vel_ned,ekf_vel_ned_acc,"
       "ekf_vel_body,mag_0,mag_1,air_data_info,air_data_altitude,gps1_vel_info,gps1_vel,gps1_vel_acc,gps1_course,"
-      "gps1_pos_info,gps1_pos,gps1_pos_alt,gps1_pos_acc",
+      "gps1_pos_info,gps1_pos,gps1_pos_alt,gps1_pos_acc,gps1_hdt_info,gps1_hdt",
       "sbg_can.dbc");
   imud::dump_tables("bosch-mm7", "", "bosch_mm7.dbc");
   imud::dump_tables("bosch-mm5", "", "bosch_mm5.dbc");

@@ -66,10 +66,10 @@ TEST(SbgCanSolutionTest, WordsFollowTheFilter) {
   sample.solution->used = aid::position | aid::velocity | aid::magnetic_heading;
   EXPECT_EQ(sbg_words(sample), (SbgLines{"A700", "0B010000", "F40E0008"}));
   sample.solution->used = aid::antennas_heading | aid::pressure | aid::zero_velocity;
-  EXPECT_EQ(sbg_words(sample), (SbgLines{"A700", "0F010000", "F42C000E"}));
-  sample.solution->used = 0;
-  sample.solution->rejected = aid::antennas_heading;  // arrives, but is not used
-  EXPECT_EQ(sbg_words(sample), (SbgLines{"A700", "0F010000", "F40C0008"}));
+  EXPECT_EQ(sbg_words(sample), (SbgLines{"A700", "0B010000", "F42C000E"}));
+  // The heading of two antennas arrives, but is not used.
+  EXPECT_EQ(sbg_words(aided(with_antennas(known, 1, 0.01))), (SbgLines{"A700", "0F010000", "F40C0008"}));
+  EXPECT_EQ(sbg_words(aligning(with_antennas(known, 1, 0.01))), (SbgLines{"A700", "0F010000", "02030000"}));
   // Without: the fixes count for 3 s, the time runs on, and the mode stays.
   EXPECT_EQ(sbg_words(coasting(known, 2.9)), (SbgLines{"8200", "00010000", "F40C0008"}));
   EXPECT_EQ(sbg_words(coasting(known, 3.1)), (SbgLines{"8200", "00010000", "F4000008"}));
@@ -190,6 +190,36 @@ TEST(SbgCanSolutionTest, TheReceiversTimeStampIsTheFixs) {
   EXPECT_EQ(lines, (SbgLines{"130#40420F00", "170#50F80C00", "174#50F80C00"}));
   lines = sbg_frames(messages, aided(sbg_known()));
   EXPECT_EQ(lines.at(2).substr(0, 12), "174#40420F00") << "each sample has a fix";
+}
+
+// The layouts are those of sbgECom 05c19cd, doc/canProtocol.md, GPSX_HDT_INFO and GPSX_HDT; the numbers were written
+// by hand. The SDK takes accuracies of 180 and 90 deg as no heading and no pitch (sbgEComLogGnssHdt.c).
+TEST(SbgCanSolutionTest, HdtIsTheHeadingOfTheReceiversAntennas) {
+  const auto hdt = [](const Sample& sample) { return sbg_frames("gps1_hdt_info,gps1_hdt", sample); };
+  const SbgLines none = {"178#40420F000100", "179#0000504600002823"};
+  EXPECT_EQ(hdt(sbg_known()), none) << "one antenna";
+  const Sample west = with_antennas(sbg_known(), -0.5 * units::pi, 0.4 * units::degree);
+  const SbgLines measured = {"178#40420F000000", "179#7869280000002823"};  // 270 deg, 0.4 deg
+  EXPECT_EQ(hdt(west), measured);
+  // Whatever the solution is; without a fix there is no heading.
+  EXPECT_EQ(hdt(aligning(west)), measured);
+  Sample north = aided(west);
+  north.q_LP = Quaternion::Identity();
+  EXPECT_EQ(hdt(north), measured);
+  EXPECT_EQ(hdt(coasting(west, 60)), none);
+  Sample lost = west;
+  lost.navigation.is_known = false;
+  EXPECT_EQ(hdt(lost), none);
+  // A line that is nearly vertical has none, and an accuracy is never 0, which is not valid.
+  Sample upright = west;
+  upright.navigation.antennas.direction_L = {0, -0.17, -0.985};
+  EXPECT_EQ(hdt(upright), none);
+  EXPECT_EQ(hdt(with_antennas(sbg_known(), 0, 1e-6))[1], "179#0000010000002823");
+  // 1 s less the age of the heading, which unlike the fix is not late.
+  Sample later = between_fixes(west, std::chrono::milliseconds(150));
+  later.solution->receiver.antennas.age = std::chrono::milliseconds(100);
+  EXPECT_EQ(hdt(later)[0], "178#A0BB0D000000");
+  EXPECT_EQ(sbg_frames("gps1_pos_info", later)[0].substr(0, 12), "174#50F80C00");
 }
 
 TEST(SbgCanSolutionTest, AirDataIsTheBarometers) {

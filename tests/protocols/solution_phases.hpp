@@ -1,6 +1,8 @@
 // Samples of a unit whose own navigation filter aligns, is aided by fixes, and coasts without them.
 #pragma once
 
+#include <cmath>
+
 #include "core/sample.hpp"
 #include "core/units.hpp"
 
@@ -10,6 +12,13 @@ namespace imud {
 struct PhaseSigmas {
   double tilt_deg = 0.2, heading_deg = 0.8, velocity = 0.1, position = 1;
 };
+
+// Gives a known place the line of two antennas with this azimuth, rad, level.
+inline Sample with_antennas(const Sample& known, double azimuth, double sigma) {
+  Sample sample = known;
+  sample.navigation.antennas = {.direction_L = {std::cos(azimuth), std::sin(azimuth), 0}, .sigma = sigma};
+  return sample;
+}
 
 // All functions take a sample whose place is known and true.
 inline Sample aligning(const Sample& known, bool has_fix = true) {

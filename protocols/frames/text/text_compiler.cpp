@@ -110,7 +110,7 @@ void TextLayout::Compiler::find_read_back() {
     if (quantity->kind == MeasuredQuantity::Kind::time && piece.source.modulus != 0 && piece.format.is_integer()) {
       if (piece.offset != 0 || lsb_ns < 1 || std::abs(lsb_ns - std::round(lsb_ns)) > 1e-6)
         refuse_element("{" + piece.text + "}: a clock with a modulus has an LSB of whole nanoseconds and no offset");
-      if (quantity->is_of_fix) continue;
+      if (!quantity->is_clock()) continue;
       out_.clock_ = i;
       out_.time_lsb_ns_ = std::llround(lsb_ns);
     }
