@@ -5,6 +5,8 @@
 
 #include "core/attitude.hpp"
 #include "core/gps_time.hpp"
+#include "core/navigation/azimuth.hpp"
+#include "core/numbers/elementary.hpp"
 #include "core/units.hpp"
 #include "protocols/mip/field_table.hpp"
 #include "protocols/mip/mip.hpp"
@@ -19,6 +21,16 @@ constexpr double millibar = 100;  // Pa
 bool is_plus_zero(const Vector3& v) noexcept {
   const auto bits = [](double x) { return std::bit_cast<std::uint64_t>(x); };
   return (bits(v.x()) | bits(v.y()) | bits(v.z())) == 0;
+}
+
+// Returns the attitude of the platform whose heading two antennas have measured; without such a heading, the
+// sample's.
+Quaternion antennas_attitude(const Sample& sample) noexcept {
+  const AntennaLine* const line = sample.antennas();
+  if (line == nullptr) return sample.q_LP;
+  const double azimuth = elementary::atan2(line->direction_L.y(), line->direction_L.x());
+  const std::optional<double> turn = turn_to({.azimuth = azimuth}, sample.q_LP);
+  return turn ? exp(Vector3(0, 0, *turn)) * sample.q_LP : sample.q_LP;
 }
 
 constexpr bool is_of_each_aid(std::uint8_t set, std::uint8_t descriptor) {
@@ -71,7 +83,7 @@ void Fields::set_sample(const Sample& sample) noexcept {
   sample_.specific_force = in_V(sample.specific_force - c.accelerometer_bias);
   sample_.magnetic_field = in_V(requests_.aids.compensated(sample.magnetic_field));
   sample_.q_LP = sample.q_LP * c.q_PV;
-  if (!sample.solution || sample.solution->since_epoch == 0) antennas_q_LV_ = sample_.q_LP;
+  if (!sample.solution || sample.solution->since_epoch == 0) antennas_q_LV_ = antennas_attitude(sample) * c.q_PV;
   sample_.delta_angle = in_V(sample.delta_angle - c.gyro_bias / internal_hz);
   sample_.delta_velocity = in_V(sample.delta_velocity - c.accelerometer_bias / internal_hz);
   if (!filter_began_ && has_pulse(sample.time)) filter_began_ = sample.time;

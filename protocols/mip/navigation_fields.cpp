@@ -283,14 +283,19 @@ void Fields::put_aiding_summaries(Packet& packet, DeviceTime at) const noexcept 
 
 // Writes the second of the week of the last measurement (mip_sdk, data_filter.hpp), the heading, its uncertainty, and
 // flags: integers fixed, both receivers and the offsets of their antennas valid. All are data of the receivers: they
-// are valid with a fix, also while the filter aligns, and zero without a fix, also while the filter navigates. The
-// heading is the unit's at the receivers' last epoch: a sample has no other.
+// are valid with a fix, also while the filter aligns, and zero without a fix, also while the filter navigates. Where
+// the receivers measure a heading (Sample::antennas()), the vehicle's heading is by it. Otherwise the heading is the
+// unit's at the receivers' last epoch.
 void Fields::put_dual_antenna(Packet& packet, DeviceTime at) const noexcept {
   const Vector3 ypr = yaw_pitch_roll_from_dcm(antennas_q_LV_.conjugate().toRotationMatrix());
-  const bool is_fixed = sample_.fix().is_known;
-  packet.put_float(is_fixed ? 1e-9 * static_cast<double>(fix_gps_ns(at) % gps_week_ns) : 0.0);
+  const AntennaLine* const line = sample_.antennas();
+  const bool is_fixed = line != nullptr || (sample_.fix().is_known && sample_.fix().antennas.sigma == 0);
+  const std::int64_t gps_ns = line != nullptr ? true_gps_ns(sample_.time) - line->age.count() : fix_gps_ns(at);
+  packet.put_float(is_fixed ? 1e-9 * static_cast<double>(gps_ns % gps_week_ns) : 0.0);
   packet.put_float(is_fixed ? ypr[0] : 0.0);
-  packet.put_float(is_fixed ? figure_or(figures_.attitude.z(), heading_uncertainty) : 0.0);
+  packet.put_float(!is_fixed         ? 0.0
+                   : line != nullptr ? line->sigma
+                                     : figure_or(figures_.attitude.z(), heading_uncertainty));
   packet.put(static_cast<std::uint8_t>(is_fixed ? 2 : 0));
   packet.put(static_cast<std::uint16_t>(is_fixed ? 0x07 : 0));
   packet.put(std::uint16_t{is_fixed});

@@ -113,15 +113,20 @@ class Quantities {
   Vector3 magnetic_E() const noexcept { return to_E(magnetic_L()); }
   Vector3 acceleration_E() const noexcept { return to_E(acceleration_L()); }
   Vector3 linear_E() const noexcept { return to_E(linear_L()); }
-  // The mode and the bit of a fix. A VN-300 also has the bits of its two antennas: the compass works with a fix, and
-  // its heading aids a filter that is aligned.
+  // The mode and the bit of a fix. A VN-300 also has the bits of its two antennas. Where the receivers measure a
+  // heading (Sample::antennas()), the compass works while there is one, and its bit of an aid is the filter's.
+  // Otherwise the compass works with a fix, and its heading aids a filter that is aligned.
   std::uint16_t ins_status() const noexcept {
     constexpr unsigned fix_bit = 0x0004, heading_bit = 0x0100, compass_bit = 0x0200;
     const bool is_fixed = r_.model.receivers > 0 && s_.fix().is_known;
     unsigned bits = static_cast<unsigned>(mode());
     if (is_fixed) bits |= fix_bit;
-    if (is_fixed && r_.model.receivers == 2) bits |= compass_bit;
-    if (is_fixed && r_.model.receivers == 2 && (!is_filter_ || is_filters_place())) bits |= heading_bit;
+    if (!is_fixed || r_.model.receivers < 2) return static_cast<std::uint16_t>(bits);
+    const bool measures = s_.fix().antennas.sigma > 0;
+    if (!measures || s_.antennas() != nullptr) bits |= compass_bit;
+    const bool is_used = measures && s_.solution ? (s_.solution->used & aid::antennas_heading) != 0
+                                                 : !is_filter_ || is_filters_place();
+    if (is_used) bits |= heading_bit;
     return static_cast<std::uint16_t>(bits);
   }
   Vector3 position_errors_m() const noexcept {

@@ -138,6 +138,36 @@ TEST(MipSolution, AntennasHaveAHeadingWithAFix) {
   EXPECT_EQ(tail(coasting(known, 5)), none);
 }
 
+// 0x82,0x49 of mip_sdk, data_filter.hpp: the second of the week, heading and uncertainty in rad, and what is valid.
+TEST(MipSolution, AntennasReportWhatTheyMeasure) {
+  const Sample known = over_boulder();
+  FilterUnit gq7("3dm-gq7", {0x49});
+  Sample sample = between_fixes(with_antennas(known, 1.25, 0.003), std::chrono::milliseconds(150), 0);
+  sample.q_LP = exp(Vector3(0, 0, 1.2)) * exp(Vector3(0.3, 0.1, 0));
+  const auto look = [&] { return field(gq7.packet(sample), 0x49); };
+  Bytes data = look();
+  EXPECT_NEAR(number(data, 1), 1.25, 1e-6) << "not the filter's";
+  EXPECT_FLOAT_EQ(number(data, 2), 0.003F);
+  EXPECT_EQ(Bytes(data.begin() + 12, data.end()), (Bytes{2, 0, 7, 0, 1}));
+  // The vehicle's x is the sensor's y: its heading is a quarter of a turn further.
+  EXPECT_EQ(gq7.unit().code(command(0x0C, 0x31, {1, 0, 0, 0, 0, 0, 0, 0, 0, 0x3F, 0xC9, 0x0F, 0xDB})), 0);
+  sample.q_LP = exp(Vector3(0, 0, 1.2));
+  data = look();
+  EXPECT_NEAR(std::abs(number(data, 1) - 1.25), units::pi / 2, 1e-6);
+  // Between two epochs the heading stays, with its time, which is not late.
+  sample.solution->since_epoch = 20;
+  sample.q_LP = Quaternion::Identity();
+  sample.solution->receiver.antennas.age = std::chrono::milliseconds(100);
+  const Bytes later = look();
+  EXPECT_EQ(number(later, 1), number(data, 1));
+  const double now = 1e-9 * static_cast<double>(known.navigation.gps_ns % gps_week_ns);
+  EXPECT_NEAR(number(later, 0), now - 0.1, 0.04) << "a float";
+  // An upright line has no heading.
+  sample.solution->receiver.antennas.direction_L = {0, 0.1, -0.99};
+  data = look();
+  EXPECT_EQ(data, Bytes(17, 0));
+}
+
 // The receivers' time, and the one of their heading, which stays between two epochs.
 TEST(MipSolution, ReceiversReportTheTimeOfTheirFix) {
   const Sample known = over_boulder();

@@ -65,6 +65,21 @@ TEST(VectorNavSolution, ModesOfTheIns) {
             (std::vector<std::string>{"0000", "0205", "0305", "0306", "0002", "0003", "0001", "0306"}));
 }
 
+// Bit 8: the heading of the antennas aids the filter; bit 9: the compass has a heading.
+TEST(VectorNavSolution, TheCompassIsTheReceivers) {
+  Unit unit({{"model", std::string("vn-300")}, {"async_type", std::int64_t{0}}});
+  const Sample known = with_antennas(at_30_north(90), 1.25, 0.003);
+  EXPECT_EQ(ins_status(unit, known), "0306") << "the truth";
+  EXPECT_EQ(ins_status(unit, aligning(known)), "0205");
+  Sample sample = aided(known);
+  EXPECT_EQ(ins_status(unit, sample), "0206") << "rejected";
+  sample.solution->used = aid::antennas_heading;
+  EXPECT_EQ(ins_status(unit, sample), "0306");
+  sample.solution->used = 0;
+  sample.solution->receiver.antennas.direction_L = -Vector3::UnitZ();
+  EXPECT_EQ(ins_status(unit, sample), "0006") << "an upright line";
+}
+
 TEST(VectorNavSolution, PositionAndVelocityStayWhenTheFixesAreLost) {
   Unit unit({{"model", std::string("vn-300")}, {"async_type", std::int64_t{0}}});
   const std::size_t time = 0, longitude = 7, east = 10;
