@@ -112,7 +112,7 @@ class VectorNavDevice final : public Device {
   }
 
   NavigationRequests navigation_requests() const noexcept override {
-    return filter_.requests(active_.calibrations[0], dcm_.matrix());
+    return filter_.requests(active_.calibrations[0], dcm_.matrix(), active_.number_of(67, 0));
   }
 
   void trigger(DeviceTime time) noexcept override { pins_.edge(active_.sync, pulse_source(), time); }

@@ -1,6 +1,7 @@
 // FilterRequests: the commands and registers of a VectorNav by which its host acts on the unit's own filter.
 // Sources: VN-100 user manual UM001 2.22, page 54 (reset), page 91 (disturbances), page 101 (the model of register
-// 23); the parameters of VNSIH: VectorNav's SDK 0.99, Commands.hpp, SetInitialHeading.
+// 23); the parameters of VNSIH: VectorNav's SDK 0.99, Commands.hpp, SetInitialHeading; register 67: vnproglib 1.2,
+// types.h.
 #pragma once
 
 #include <array>
@@ -42,11 +43,12 @@ class FilterRequests {
   }
 
   // Returns the requests to the unit's own filter. `magnetometer`: register 23, in the host's axes, gauss; `dcm`:
-  // from the platform's axes to the host's.
-  NavigationRequests requests(const Calibration& magnetometer, const Matrix3& dcm) const noexcept {
-    constexpr double gauss = 1e-4;
+  // from the platform's axes to the host's; `scenario`: the first parameter of register 67.
+  NavigationRequests requests(const Calibration& magnetometer, const Matrix3& dcm, double scenario) const noexcept {
+    constexpr double gauss = 1e-4, without_pressure = 2;
     NavigationRequests all = requests_;
     all.aids.withheld = withheld_;
+    if (scenario == without_pressure) all.aids.withheld |= aid::pressure;
     if (magnetometer.gain.matrix() != Matrix3::Identity())
       all.aids.field_gain = dcm.transpose() * magnetometer.gain.matrix() * dcm;
     all.aids.field_bias = gauss * (dcm.transpose() * magnetometer.bias);

@@ -384,6 +384,23 @@ TEST(NavigationRequests, AntennasAndHeightsAreWithheld) {
   }
 }
 
+// Scenario 2 of register 67 is an INS without pressure.
+TEST(NavigationRequests, AScenarioHasNoPressure) {
+  OrderedUnit unit("vectornav", "vn-200", turn_at, "navigation.barometer_rate_hz = 10\n");
+  const auto had = [&unit] {
+    const Solution& solution = *unit.sample().solution;
+    return ((solution.used | solution.rejected) & aid::pressure) != 0;
+  };
+  unit.run(4);
+  EXPECT_TRUE(had());
+  EXPECT_EQ(unit.vectornav("VNWRG,67,2,1,1,0").substr(0, 12), "$VNWRG,67,2,");
+  unit.run(1);
+  EXPECT_FALSE(had());
+  unit.vectornav("VNWRG,67,1,1,1,0");
+  unit.run(1);
+  EXPECT_TRUE(had());
+}
+
 // A heading of an x axis that stands upright is none: the unit has its heading by the magnetometer.
 TEST(NavigationRequests, AnUprightAxisHasNoHeading) {
   const auto upright = [](TruthTime time) {
