@@ -221,6 +221,7 @@ struct Protocol {
 
   bool has_sync_pins = false;                    // Device's trigger(), pps() and pulse()
   bool has_second_uart = false;                  // Device's connect_second_uart() and second_uart()
+  bool takes_inclinometers = false;              // no product, but it sends Sample::inclination where there is one
   bool has_self_test = false;                    // it reports status::self_test_failed, in its status or by an answer
   std::span<const DeviceCounter> counters = {};  // of Device::counts()
 

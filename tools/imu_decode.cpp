@@ -50,16 +50,17 @@ struct Options {
 // Writes and counts measurements, or frames where their fields are printed, up to the number wanted.
 class Recorder final : public MeasurementReceiver, public FrameReceiver {
  public:
-  // `fields`: nullptr if the measurements are printed.
+  // `fields`: nullptr if the measurements are printed. `may_incline`: the sensor may have inclinometers. Then the
+  // first measurement shows which table it is, and otherwise the header is printed at once.
   Recorder(const Protocol& protocol, const Options& options, TextOutput& csv, FieldCsv* fields,
-           MeasurementFiles& files)
+           MeasurementFiles& files, bool may_incline)
       : statistics_(protocol),
         csv_(csv),
         fields_(fields),
         files_(files),
         print_(!options.quiet && fields == nullptr),
         wanted_(options.input.count) {
-    if (print_) csv_.write(measurement_csv_header);
+    if (print_ && !may_incline) print_header(false);
   }
 
   void on_frame(const DecodedFrame& frame) override {
@@ -71,8 +72,9 @@ class Recorder final : public MeasurementReceiver, public FrameReceiver {
     statistics_.add(measurement, arrival_);
     files_.write(measurement);
     if (!print_) return;
+    print_header(measurement.sample.inclination.has_value());
     std::array<char, measurement_csv_row_max> row;
-    csv_.write({row.data(), write_measurement_csv(measurement, row)});
+    csv_.write({row.data(), write_measurement_csv(measurement, row, with_inclination_)});
   }
 
   void set_arrival(std::optional<HostTime> arrival) override { arrival_ = arrival; }
@@ -82,16 +84,29 @@ class Recorder final : public MeasurementReceiver, public FrameReceiver {
     csv_.flush();
     files_.flush();
   }
-  StreamStatistics& statistics() { return statistics_; }
+  // Ends the table, which may have no rows.
+  void finish() {
+    if (print_) print_header(false);
+    csv_.flush();
+    statistics_.finish();
+  }
+  const StreamStatistics& statistics() const { return statistics_; }
   std::uint64_t decoded() const { return fields_ != nullptr ? fields_->rows() : statistics_.samples(); }
 
  private:
+  void print_header(bool with_inclination) {
+    if (std::exchange(has_header_, true)) return;
+    with_inclination_ = with_inclination;
+    csv_.write(with_inclination ? measurement_csv_header_with_inclination : measurement_csv_header);
+  }
+
   StreamStatistics statistics_;
   TextOutput& csv_;
   FieldCsv* const fields_;
   MeasurementFiles& files_;
   const bool print_;
   const std::uint64_t wanted_;
+  bool has_header_ = false, with_inclination_ = false;
   std::optional<HostTime> arrival_;
 };
 
@@ -102,7 +117,10 @@ int decode(const Options& options, bool& running) {
     for (Requirement& limit : parse_requirements(limits)) required.push_back(std::move(limit));
   for (const Requirement& limit : required)
     StreamReport{protocol, {}, StreamStatistics(protocol), {}, {}, {}, {}, {}}.seen(limit);
-  const auto decoder = protocol.make_decoder(settings_from(protocol.settings, options.input.settings));
+  const Settings settings = settings_from(protocol.settings, options.input.settings);
+  const auto decoder = protocol.make_decoder(settings);
+  const bool may_incline = protocol.takes_inclinometers ||
+                           (protocol.product != nullptr && protocol.product(settings).inclinometer.has_value());
   auto* const field_decoder = dynamic_cast<FieldDecoder*>(decoder.get());
   if (options.fields && field_decoder == nullptr)
     throw std::invalid_argument(fmt::format("--fields is for protocol frame: {} has no description", protocol.name));
@@ -126,12 +144,11 @@ int decode(const Options& options, bool& running) {
   MeasurementFiles files(options.files, protocol, options.input.port, in_use);
 
   running = true;
-  Recorder recorder(protocol, options, csv, fields ? &*fields : nullptr, files);
+  Recorder recorder(protocol, options, csv, fields ? &*fields : nullptr, files, may_incline);
   if (fields) field_decoder->pass_frames_to(&recorder);
   const std::string_view ended_by = receive_all(*port, *decoder, recorder, options.input);
   const DecodeErrors errors = decoder->errors();
-  csv.flush();
-  recorder.statistics().finish();
+  recorder.finish();
 
   const StreamReport report{protocol,
                             options.input.port,

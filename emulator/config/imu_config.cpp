@@ -203,8 +203,9 @@ void set_device_filter(TableReader table, const SensorFilter& filter, TriadError
   if (!table.has("fir_taps")) errors.fir_taps.reset();
 }
 
-// Reads the errors of the inclinometers. A product without inclinometers has none, and the table is a fault. The
-// record of a run from before inclinometers had errors of their own is repeated as it was, without them.
+// Reads the errors of the inclinometers. A product without inclinometers has none, and the table is a fault. A
+// protocol that takes inclinometers (Protocol::takes_inclinometers) has them by the table. The record of a run from
+// before inclinometers had errors of their own is repeated as it was, without them.
 void read_inclinometers(TableReader& table, const TriadErrors* product, double internal_hz, Sidedness density,
                         const TruthConfig& truth, ImuConfig& imu) {
   const bool is_given = table.has("inclinometer");
@@ -234,6 +235,8 @@ void read_errors(TableReader& table, const std::optional<Product>& product, cons
     inclinometer = product->inclinometer;
     imu.model.barometer = product->barometer;
   }
+  if (imu.protocol != nullptr && imu.protocol->takes_inclinometers && table.has("inclinometer"))
+    inclinometer.emplace();
   const std::string_view own = own_model(table, imu);
   const Preset* preset = read_model(table, own, imu.errors_model);
   const std::optional<SensorFilters> filters = read_device_filters(table, preset, imu);
@@ -257,7 +260,7 @@ void read_errors(TableReader& table, const std::optional<Product>& product, cons
       if (inclinometer && errors.inclinometer) {
         inclinometer = errors.inclinometer;
         inclinometer_density = errors.inclinometer_density;
-        fit(*inclinometer, *product->inclinometer, preset->name == own);
+        if (product) fit(*inclinometer, *product->inclinometer, preset->name == own);
       }
       if (errors.magnetometer) magnetometer = *errors.magnetometer;
       if (errors.barometer) imu.model.barometer = *errors.barometer;

@@ -89,7 +89,8 @@ std::vector<Typical> typical_frames(const Transport& transport, const PortSpec& 
 std::vector<SentFrames> sent_by_sample(const ImuConfig& imu) {
   const auto frames = std::make_unique<FrameBuffer>();
   const std::unique_ptr<Device> device = imu.protocol->make(imu.settings);
-  const Sample sample = typical_sample();
+  Sample sample = typical_sample();
+  if (imu.model.inclinometer) sample.inclination = sample.specific_force;
   device->sample(sample, *frames);
   frames->clear();
   device->sample(sample, *frames);

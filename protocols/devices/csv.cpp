@@ -1,5 +1,6 @@
 // The measurement CSV (protocols/measurements/measurement_csv.hpp) as a device: a header row before the first sample,
-// then a row per sample. Each row is a frame and ends with LF.
+// then a row per sample. Each row is a frame and ends with LF. If the first sample has inclinometers, the table has
+// their columns.
 //
 // The text has no checksum. A reader that joins in the middle of a number may take the rest for a whole number.
 #include <array>
@@ -23,10 +24,13 @@ class CsvDevice final : public Device {
   explicit CsvDevice(const Settings& chosen) : digits_(static_cast<int>(chosen.integer("digits"))) {}
 
   void sample(const Sample& sample, FrameBuffer& out) noexcept override {
-    if (!header_sent_) push(measurement_csv_header, out);
+    if (!header_sent_) {
+      with_inclination_ = sample.inclination.has_value();
+      push(with_inclination_ ? measurement_csv_header_with_inclination : measurement_csv_header, out);
+    }
     header_sent_ = true;
     std::array<char, measurement_csv_row_max> row;
-    push({row.data(), write_measurement_csv(sample, row, digits_)}, out);
+    push({row.data(), write_measurement_csv(sample, row, with_inclination_, digits_)}, out);
   }
 
  private:
@@ -38,7 +42,7 @@ class CsvDevice final : public Device {
   }
 
   const int digits_;
-  bool header_sent_ = false;
+  bool header_sent_ = false, with_inclination_ = false;
 };
 
 class CsvDecoder final : public Decoder {
@@ -59,7 +63,8 @@ class CsvDecoder final : public Decoder {
   void decode(const Lines::Line& line, MeasurementSink& sink) {
     if (line.is_too_long()) return refuse(line.size + 1);
     const std::string_view row = trim(line.text);
-    if (row.empty() || row == trim(measurement_csv_header)) return;
+    if (row.empty() || row == trim(measurement_csv_header) || row == trim(measurement_csv_header_with_inclination))
+      return;
     Measurement measurement;
     if (!read_measurement_csv(row, measurement)) return refuse(line.size + 1);
     sink.on_measurement(measurement);
@@ -81,6 +86,7 @@ extern constexpr Protocol csv_protocol = {
     .link = Link::bytes,
     .document = "protocols/measurements/measurement_csv.hpp",
     .settings = settings,
+    .takes_inclinometers = true,
     .has_self_test = true,
     .make = make_as<Device, CsvDevice>,
     .make_decoder = [](const Settings&) -> std::unique_ptr<Decoder> { return std::make_unique<CsvDecoder>(); },

@@ -81,7 +81,7 @@ class RowReader {
 };
 
 std::size_t write_fields(const Sample& sample, std::uint32_t fields, std::span<char, measurement_csv_row_max> row,
-                         int digits) noexcept {
+                         bool with_inclination, int digits) noexcept {
   const auto carried = [&](Measurement::Field field) { return (fields & field) != 0; };
   RowWriter writer(row, digits);
   writer.field(carried(Measurement::time), sample.stamp().ns);
@@ -89,20 +89,24 @@ std::size_t write_fields(const Sample& sample, std::uint32_t fields, std::span<c
   for (const auto& [field, vector] : vectors)
     for (const double component : sample.*vector) writer.field(carried(field), component);
   writer.field(carried(Measurement::temperature), sample.temperature_c);
-  writer.field(carried(Measurement::status), sample.status, '\n');
+  writer.field(carried(Measurement::status), sample.status, with_inclination ? ',' : '\n');
+  if (!with_inclination) return writer.length();
+  const Vector3 inclination = sample.inclination.value_or(Vector3::Zero());
+  for (int axis = 0; axis < 3; ++axis)
+    writer.field(sample.inclination.has_value(), inclination[axis], axis < 2 ? ',' : '\n');
   return writer.length();
 }
 
 }  // namespace
 
 std::size_t write_measurement_csv(const Measurement& measurement, std::span<char, measurement_csv_row_max> row,
-                                  int digits) noexcept {
-  return write_fields(measurement.sample, measurement.fields, row, digits);
+                                  bool with_inclination, int digits) noexcept {
+  return write_fields(measurement.sample, measurement.fields, row, with_inclination, digits);
 }
 
 std::size_t write_measurement_csv(const Sample& sample, std::span<char, measurement_csv_row_max> row,
-                                  int digits) noexcept {
-  return write_fields(sample, Measurement::all, row, digits);
+                                  bool with_inclination, int digits) noexcept {
+  return write_fields(sample, Measurement::all, row, with_inclination, digits);
 }
 
 bool read_measurement_csv(std::string_view row, Measurement& measurement) noexcept {
@@ -110,16 +114,26 @@ bool read_measurement_csv(std::string_view row, Measurement& measurement) noexce
   Sample& sample = measurement.sample;
   RowReader reader(row);
   const auto carry = [&](bool carried, Measurement::Field field) { measurement.fields |= carried ? field : 0U; };
+  const auto read = [&reader](Vector3& vector) {
+    int components = 0;
+    for (double& component : vector) components += reader.field(component) ? 1 : 0;
+    return components;
+  };
   carry(reader.field(sample.time.ns), Measurement::time);
   carry(reader.field(sample.counter), Measurement::counter);
   for (const auto& [field, vector] : vectors) {
-    int components = 0;
-    for (double& component : sample.*vector) components += reader.field(component) ? 1 : 0;
+    const int components = read(sample.*vector);
     if (components != 0 && components != 3) return false;
     carry(components == 3, field);
   }
   carry(reader.field(sample.temperature_c), Measurement::temperature);
   carry(reader.field(sample.status), Measurement::status);
+  if (reader.good && !reader.at_end()) {
+    Vector3 inclination;
+    const int components = read(inclination);
+    if (components != 0 && components != 3) return false;
+    if (components == 3) sample.inclination = inclination;
+  }
   return reader.good && reader.at_end();
 }
 

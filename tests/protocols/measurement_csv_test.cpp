@@ -43,7 +43,7 @@ TEST(MeasurementCsv, DigitsLimitRealNumbersAlone) {
   Measurement measurement = known_measurement(Measurement::all);
   measurement.sample.time.ns = 123'456'789;
   std::array<char, measurement_csv_row_max> row;
-  const std::string text(row.data(), write_measurement_csv(measurement, row, 4));
+  const std::string text(row.data(), write_measurement_csv(measurement, row, false, 4));
   EXPECT_EQ(text, "123456789,1,0.1,-0,1e-09,0.3333,-9.807,1e+22,1,2,3,0.5,0.25,0.125,25,4294967295\n");
 }
 
@@ -75,6 +75,9 @@ TEST(MeasurementCsv, LongestRowFits) {
   sample.temperature_c = -2.2250738585072014e-308;
   sample.status = ~0U;
   EXPECT_EQ(row_of(measurement).size(), 378U);
+  sample.inclination = sample.rate;
+  std::array<char, measurement_csv_row_max> row;
+  EXPECT_EQ(write_measurement_csv(measurement, row, true), 453U);
 }
 
 TEST(MeasurementCsv, EverySetOfFieldsComesBack) {
@@ -88,6 +91,25 @@ TEST(MeasurementCsv, EverySetOfFieldsComesBack) {
   }
 }
 
+// The columns of the inclinometers follow the sixteen, and are empty where a measurement has no inclination.
+TEST(MeasurementCsv, AnInclinationComesBack) {
+  EXPECT_EQ(
+      measurement_csv_header_with_inclination,
+      std::string(measurement_csv_header.substr(0, measurement_csv_header.size() - 1)) + ",incl_x,incl_y,incl_z\n");
+  Measurement measurement = known_measurement(Measurement::counter);
+  std::array<char, measurement_csv_row_max> row;
+  const auto text = [&] { return std::string(row.data(), write_measurement_csv(measurement, row, true)); };
+  EXPECT_EQ(text(), ",1,,,,,,,,,,,,,,,,,\n");
+  measurement.sample.inclination = Vector3(0.1, -9.75, 0);
+  EXPECT_EQ(text(), ",1,,,,,,,,,,,,,,,0.1,-9.75,0\n");
+  Measurement read;
+  ASSERT_TRUE(read_measurement_csv(text().substr(0, text().size() - 1), read));
+  EXPECT_EQ(read.sample.inclination, Vector3(0.1, -9.75, 0));
+  EXPECT_EQ(read.fields, unsigned{Measurement::counter});
+  ASSERT_TRUE(read_measurement_csv("1,2,3,4,5,6,7,8,9,10,11,12,13,14,15,16,,,", read));
+  EXPECT_FALSE(read.sample.inclination);
+}
+
 TEST(MeasurementCsv, RefusesWhatIsNoRow) {
   const std::string good = "1,2,3,4,5,6,7,8,9,10,11,12,13,14,15,16";
   Measurement measurement;
@@ -95,11 +117,13 @@ TEST(MeasurementCsv, RefusesWhatIsNoRow) {
   EXPECT_TRUE(read_measurement_csv(" 1, 2,+3,4e0,5,6,7,8,9,10,11,12,13,14,15,16 ", measurement));
   for (const std::string bad :
        {"", "1,2,3,4,5,6,7,8,9,10,11,12,13,14,15", "1,2,3,4,5,6,7,8,9,10,11,12,13,14,15,16,17",
-        "1,2,3,4,5,6,7,8,9,10,11,12,13,14,15,16,", "1,2,,4,5,6,7,8,9,10,11,12,13,14,15,16",
-        "1,2,nan,4,5,6,7,8,9,10,11,12,13,14,15,16", "1,2,3,inf,5,6,7,8,9,10,11,12,13,14,15,16",
-        "1,2,3,4,x,6,7,8,9,10,11,12,13,14,15,16", "1,2,3,4,5 6,6,7,8,9,10,11,12,13,14,15,16",
-        "1.5,2,3,4,5,6,7,8,9,10,11,12,13,14,15,16", "1,-2,3,4,5,6,7,8,9,10,11,12,13,14,15,16",
-        "1,2,3,4,5,6,7,8,9,10,11,12,13,14,15,4294967296", "1,2,1e999,4,5,6,7,8,9,10,11,12,13,14,15,16"})
+        "1,2,3,4,5,6,7,8,9,10,11,12,13,14,15,16,", "1,2,3,4,5,6,7,8,9,10,11,12,13,14,15,16,17,18",
+        "1,2,3,4,5,6,7,8,9,10,11,12,13,14,15,16,17,,19", "1,2,3,4,5,6,7,8,9,10,11,12,13,14,15,16,17,18,19,20",
+        "1,2,,4,5,6,7,8,9,10,11,12,13,14,15,16", "1,2,nan,4,5,6,7,8,9,10,11,12,13,14,15,16",
+        "1,2,3,inf,5,6,7,8,9,10,11,12,13,14,15,16", "1,2,3,4,x,6,7,8,9,10,11,12,13,14,15,16",
+        "1,2,3,4,5 6,6,7,8,9,10,11,12,13,14,15,16", "1.5,2,3,4,5,6,7,8,9,10,11,12,13,14,15,16",
+        "1,-2,3,4,5,6,7,8,9,10,11,12,13,14,15,16", "1,2,3,4,5,6,7,8,9,10,11,12,13,14,15,4294967296",
+        "1,2,1e999,4,5,6,7,8,9,10,11,12,13,14,15,16"})
     EXPECT_FALSE(read_measurement_csv(bad, measurement)) << bad;
 }
 
@@ -123,6 +147,22 @@ TEST_F(CsvDecoding, HeaderIsSentOnceInItsOwnFrame) {
   EXPECT_EQ(text(frames[0]), measurement_csv_header);
   EXPECT_EQ(text(frames[1]), "0,0,0,0,0,0,0,0,0,0,0,0,0,0,25,0\n");
   EXPECT_EQ(text(frames[2]), text(frames[1]));
+}
+
+TEST_F(CsvDecoding, ASensorWithInclinometersHasTheirColumns) {
+  Sample sample;
+  sample.inclination = Vector3(1, -2, 0.5);
+  const std::vector<StoredFrame> frames = line_.encode_all(std::vector<Sample>(2, sample));
+  ASSERT_EQ(frames.size(), 3U);
+  const auto text = [](const StoredFrame& frame) {
+    return std::string(reinterpret_cast<const char*>(frame.bytes.data()), frame.bytes.size());
+  };
+  EXPECT_EQ(text(frames[0]), measurement_csv_header_with_inclination);
+  EXPECT_EQ(text(frames[1]), "0,0,0,0,0,0,0,0,0,0,0,0,0,0,25,0,1,-2,0.5\n");
+  for (const StoredFrame& frame : frames) feed(text(frame));
+  ASSERT_EQ(count(), 2U);
+  EXPECT_EQ(recording_.measurements[1].sample.inclination, sample.inclination);
+  EXPECT_EQ(errors().malformed, 0U);
 }
 
 TEST_F(CsvDecoding, TakesHeadersBlankLinesAndCarriageReturns) {

@@ -82,6 +82,23 @@ class Package(RunTest):
         self.assertEqual(array.tobytes(), imud.load(self.folder / "a.npy").tobytes())
         path.write_text(header + "\n")
         self.assertEqual(imud.load(path).shape, (0,))
+        self.assertNotIn("incl", imud.load(path).dtype.names)
+
+    def test_csv_of_inclinometers(self):
+        path = self.folder / "i.csv"
+        path.write_text(",".join(imud.measurements.CSV_COLUMNS) + ",incl_x,incl_y,incl_z\n5,6" + "," * 14 + ",1,-2,0.5\n,7" + "," * 17 + "\n")
+        array = imud.load(path)
+        numpy.testing.assert_array_equal(array["incl"], [[1, -2, 0.5], [numpy.nan] * 3])
+        self.assertEqual(list(array["counter"]), [6, 7])
+        for protocol, more in (("stim300", ""), ("csv", "rate_hz = 200\nmodel = 'stim300'\n[imu.inclinometer]\n")):
+            data = self.folder / f"{protocol}.bin"
+            config = self.config(f"protocol = '{protocol}'\nport = 'file:{data}'\n{more}")
+            run("imud", "replay", config, FLIGHT, "-q")
+            path.write_text(run("imu-decode", protocol, f"file:{data}")[0])
+            array = imud.load(path)
+            self.assertGreater(len(array), 1000)
+            difference = abs(array["incl"][100:] - array["accel"][100:]).mean(axis=0)
+            self.assertTrue((difference > 1e-4).all() and (difference < 1).all(), difference)
 
     def test_other_content_is_an_error_that_names_it(self):
         path = self.folder / "a.csv"

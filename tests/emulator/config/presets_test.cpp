@@ -224,6 +224,12 @@ TEST_F(PresetsTest, InclinometersAreOfProductsThatHaveThem) {
   EXPECT_NEAR(own.bias.y(), 3e-3 * g, 1e-15);
   EXPECT_EQ(own.white_density, of_preset.white_density);
 
+  // Rows of text have them where the table gives them, with the errors of the model.
+  EXPECT_FALSE(model("csv", {"rate_hz=2000", "model=\"stim300\""}).inclinometer);
+  const TriadErrors of_rows =
+      model("csv", {"rate_hz=2000", "model=\"stim300\"", "inclinometer.bias_mg=3"}).inclinometer.value();
+  EXPECT_EQ(of_rows.white_density, of_preset.white_density);
+  EXPECT_NEAR(of_rows.bias.y(), 3e-3 * g, 1e-15);
   const Config native = config("native", {"rate_hz=200", "model=\"stim300\""});
   EXPECT_FALSE(native.imus.at(0).model.inclinometer);
   EXPECT_FALSE(contains(native.resolved(), "inclinometer"));

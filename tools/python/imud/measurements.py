@@ -2,7 +2,8 @@
 
 SI, in the sensor's platform axes; with the truth beside them also true_gyro, true_accel, true_dtheta, true_dvel. A
 quantity that the protocol does not carry is NaN; time_ns is NaT then (as "m8[ns]"), counter its greatest value, and
-fields lacks its bit (1 time, 2 counter, 4 gyro, 8 accel, 16 dtheta, 32 dvel, 64 temperature, 128 status).
+fields lacks its bit (1 time, 2 counter, 4 gyro, 8 accel, 16 dtheta, 32 dvel, 64 temperature, 128 status). A CSV of a
+sensor with inclinometers also has incl, the specific force that they measure.
 """
 import pathlib
 
@@ -12,6 +13,7 @@ VECTORS = "gyro", "accel", "dtheta", "dvel"
 DTYPE = numpy.dtype([("time_ns", "<i8"), ("counter", "<u8")] + [(name, "<f8", (3,)) for name in VECTORS] +
                     [("temperature", "<f8"), ("status", "<u4"), ("fields", "<u4")])
 CSV_COLUMNS = ["time_ns", "counter"] + [f"{name}_{axis}" for name in VECTORS for axis in "xyz"] + ["temperature", "status"]
+INCLINATION_COLUMNS = [f"incl_{axis}" for axis in "xyz"]
 NO_TIME = numpy.iinfo("i8").min
 NO_COUNTER = numpy.iinfo("u8").max
 
@@ -51,25 +53,29 @@ def _load_hdf5(path):
 def _load_csv(path):
     with open(path, encoding="ascii") as file:
         header = file.readline().rstrip("\r\n")
-        if header != ",".join(CSV_COLUMNS):
+        columns = CSV_COLUMNS + INCLINATION_COLUMNS if header.endswith(INCLINATION_COLUMNS[-1]) else CSV_COLUMNS
+        if header != ",".join(columns):
             raise ValueError(f"{path}: begins with {header[:60]!r}; give a CSV with the columns {','.join(CSV_COLUMNS)}")
         blocks, rows = [], []
         for number, line in enumerate(file, 2):
             row = line.rstrip("\r\n").split(",")
-            if len(row) != len(CSV_COLUMNS):
+            if len(row) != len(columns):
                 if not line.endswith("\n"):
                     break  # the program was killed within the line
-                raise ValueError(f"{path}:{number}: has {len(row)} columns, not {len(CSV_COLUMNS)}")
+                raise ValueError(f"{path}:{number}: has {len(row)} columns, not {len(columns)}")
             rows.append(row)
             if len(rows) == 65536:
-                blocks.append(_block(rows))
+                blocks.append(_block(rows, columns))
                 rows = []
-    return numpy.concatenate(blocks + [_block(rows)])
+    return numpy.concatenate(blocks + [_block(rows, columns)])
 
 
-def _block(rows):
-    array = numpy.empty(len(rows), DTYPE)
-    columns = list(zip(*rows)) if rows else [()] * len(CSV_COLUMNS)
+def _block(rows, names):
+    with_inclination = len(names) > len(CSV_COLUMNS)
+    array = numpy.empty(len(rows), DTYPE.descr + [("incl", "<f8", (3,))] if with_inclination else DTYPE)
+    columns = list(zip(*rows)) if rows else [()] * len(names)
+    for axis in range(3 if with_inclination else 0):
+        array["incl"][:, axis] = [float(text) if text else numpy.nan for text in columns[len(CSV_COLUMNS) + axis]]
     array["time_ns"] = [int(text) if text else NO_TIME for text in columns[0]]
     array["counter"] = [int(text) if text else NO_COUNTER for text in columns[1]]
     for i, name in enumerate(VECTORS):
