@@ -1,5 +1,4 @@
 #include <algorithm>
-#include <bit>
 #include <chrono>
 #include <cstdint>
 
@@ -7,6 +6,7 @@
 #include "core/gps_time.hpp"
 #include "core/navigation/azimuth.hpp"
 #include "core/numbers/elementary.hpp"
+#include "core/numbers/plus_zero.hpp"
 #include "core/units.hpp"
 #include "protocols/mip/field_table.hpp"
 #include "protocols/mip/mip.hpp"
@@ -16,12 +16,6 @@ namespace {
 
 constexpr double gauss = 1e-4;    // T
 constexpr double millibar = 100;  // Pa
-
-// Returns whether `v` is 0 without a sign. Any rotation leaves it so.
-bool is_plus_zero(const Vector3& v) noexcept {
-  const auto bits = [](double x) { return std::bit_cast<std::uint64_t>(x); };
-  return (bits(v.x()) | bits(v.y()) | bits(v.z())) == 0;
-}
 
 // Returns the attitude of the platform whose heading two antennas have measured; without such a heading, the
 // sample's.

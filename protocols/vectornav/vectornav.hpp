@@ -13,7 +13,6 @@
 #pragma once
 
 #include <array>
-#include <bit>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -22,6 +21,7 @@
 
 #include "core/frame.hpp"
 #include "core/numbers/lanes.hpp"
+#include "core/numbers/plus_zero.hpp"
 #include "core/sample.hpp"
 #include "protocols/protocol.hpp"
 #include "protocols/vectornav/sync_pins.hpp"
@@ -173,10 +173,6 @@ class Gain {
   }
 
  private:
-  static bool is_plus_zero(const Vector3& v) noexcept {
-    const auto bits = [](double x) { return std::bit_cast<std::uint64_t>(x); };
-    return (bits(v.x()) | bits(v.y()) | bits(v.z())) == 0;
-  }
   // Out of line, so that the shortcuts are inline.
   [[gnu::noinline]] Vector3 times_matrix(const Vector3& v) const noexcept { return matrix_ * v; }
 

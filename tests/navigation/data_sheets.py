@@ -44,26 +44,23 @@ class Product:
     position: tuple  # m, of the receiver, horizontal (of both axes together), vertical
 
 
-ELLIPSE = """[imu.gyro]
-turn_on_bias_deg_per_s = 0.2
-unit_sigma.scale_factor_ppm = 500
+def constant_errors(gyro_deg_per_s, gyro_ppm, accelerometer_mg, accelerometer_ppm):
+    """Tables of biases and scale factors, with axes that are off by 0.05 deg."""
+    return f"""[imu.gyro]
+turn_on_bias_deg_per_s = {gyro_deg_per_s}
+unit_sigma.scale_factor_ppm = {gyro_ppm}
 unit_sigma.misalignment_mrad = 0.87
 [imu.accelerometer]
-turn_on_bias_mg = 5
-unit_sigma.scale_factor_ppm = 1000
+turn_on_bias_mg = {accelerometer_mg}
+unit_sigma.scale_factor_ppm = {accelerometer_ppm}
 unit_sigma.misalignment_mrad = 0.87
 """
-# Of older units of the same maker. Biases: those of a 3DM-CX5-AHRS, by a program that names its data sheet. The others
+
+
+ELLIPSE = constant_errors(0.2, 500, 5, 1000)
+# Of older units of the same maker. The biases are a 3DM-CX5-AHRS's, by a program that names its data sheet. The others
 # are unconfirmed: a 3DM-GX5's, from memory: 500 ppm, 300 ppm, 0.05 deg.
-OLDER_MICROSTRAIN = """[imu.gyro]
-turn_on_bias_deg_per_s = 0.04
-unit_sigma.scale_factor_ppm = 500
-unit_sigma.misalignment_mrad = 0.87
-[imu.accelerometer]
-turn_on_bias_mg = 2
-unit_sigma.scale_factor_ppm = 300
-unit_sigma.misalignment_mrad = 0.87
-"""
+OLDER_MICROSTRAIN = constant_errors(0.04, 500, 2, 300)
 # The preset has the limit of the gyros' in-run bias, 10 deg/h; accuracies are a typical unit's, whose bias is 5 deg/h to
 # 7 deg/h.
 TYPICAL_VECTORNAV = "[imu.gyro]\nbias_minimum_deg_per_hr = 7\n"

@@ -192,7 +192,7 @@ TEST(SbgCanSolutionTest, TheReceiversTimeStampIsTheFixs) {
   EXPECT_EQ(lines.at(2).substr(0, 12), "174#40420F00") << "each sample has a fix";
 }
 
-// The layouts are those of sbgECom 05c19cd, doc/canProtocol.md, GPSX_HDT_INFO and GPSX_HDT; the numbers were written
+// sbgECom 05c19cd, doc/canProtocol.md, states the layouts GPSX_HDT_INFO and GPSX_HDT; the numbers were written
 // by hand. The SDK takes accuracies of 180 and 90 deg as no heading and no pitch (sbgEComLogGnssHdt.c).
 TEST(SbgCanSolutionTest, HdtIsTheHeadingOfTheReceiversAntennas) {
   const auto hdt = [](const Sample& sample) { return sbg_frames("gps1_hdt_info,gps1_hdt", sample); };

@@ -74,7 +74,7 @@ void CanPort::send(std::span<const Frame> frames) noexcept {
 }
 
 std::optional<Port::Received> CanPort::receive() noexcept {
-  // No host has seen the frames that collect, so nothing of it is awaited before they have left.
+  // The host's frames are read when the collected frames have left, which it may answer.
   if (is_collecting() && !queue_.is_empty()) return std::nullopt;
   if (!link_->is_bound() && !rebind()) return std::nullopt;
   // The first error may only report that the interface went down.
