@@ -12,10 +12,10 @@ std::size_t CanQueue::ready(HostTime now) const noexcept {
 }
 
 void CanQueue::sent(std::size_t count, HostTime now) noexcept {
-  paced_ = std::max(paced_, now - max_burst);
   if (count > 0) retry_ = {};
   for (; count > 0; --count) {
-    paced_ = paced_ + (*this)[0].spacing;
+    if (const Nanoseconds spacing = (*this)[0].spacing; spacing > Nanoseconds{0})
+      paced_ = std::max(paced_, now - max_burst) + spacing;
     drop_first();
   }
 }

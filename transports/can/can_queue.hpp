@@ -49,8 +49,8 @@ class CanQueue {
   // Returns frame `i`, where 0 is the oldest and i < size().
   const Queued& operator[](std::size_t i) const noexcept { return queue_[(first_ + i) % max_frames]; }
 
-  // Removes the oldest `count` frames after they were sent. If frames are not paced, `now` may be HostTime{} here
-  // and in ready() until interface_full() is called.
+  // Removes the oldest `count` frames after they were sent. While no frame is paced, and the interface is not full,
+  // `now` may be HostTime{} here and in ready().
   void sent(std::size_t count, HostTime now) noexcept;
   // Records that the interface has no room: no frame is ready until retry_pause after `now`.
   void interface_full(HostTime now) noexcept { retry_ = now + retry_pause; }
