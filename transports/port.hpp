@@ -43,6 +43,9 @@ struct PortSettings {
   // A virtual CAN interface only: the thread that opens the port takes the lowest priority, so that receivers on the
   // same processor run first.
   bool yields = false;
+  // A virtual CAN interface without a limit of its rate only: samples leave in batches, and the host's frames are
+  // read after each batch.
+  bool collects = false;
   // A listener of UDP only: receives the datagrams of this sender alone, and counts others as foreign.
   std::optional<Endpoint> from;
   // True: a regular file is written beside the old file and replaces it at commit(). False: the old file is

@@ -211,7 +211,7 @@ TEST_F(Can, FramesLeaveAtOnceWhereNoRateIsWanted) {
 TEST_F(Can, UnpacedFramesOfFastLeaveInBatches) {
   PortSettings settings = Role::device;
   settings.delivery = Delivery::complete;
-  settings.yields = true;  // as in `fast`
+  settings.yields = settings.collects = true;  // as in `fast`
   const Node node("vcan0");
   // The port lowers the priority of its thread for good.
   std::jthread([&] {
@@ -235,10 +235,18 @@ TEST_F(Can, UnpacedFramesOfFastLeaveInBatches) {
     send_sample(*port, 12, 7);
     EXPECT_TRUE(port->is_drained());
     EXPECT_TRUE(sends(92));
+    port->reply(SampleFrames().add({.id = 0x200}, 8));
+    EXPECT_TRUE(sends(93)) << "after a flush, too";
+    send_sample(*port, 13, 7);
+    node.send(0x43, {1});
+    for (int look = 1; look < 128; ++look) EXPECT_FALSE(port->receive());
+    EXPECT_TRUE(sends(93));
+    EXPECT_TRUE(receive_next(*port)) << "the host of a device that has become silent";
+    EXPECT_TRUE(sends(100));
     EXPECT_EQ(port->counters().dropped, 0U);
   }).join();
   const auto got = node.receive_all();
-  ASSERT_EQ(got.size(), 92U);
+  ASSERT_EQ(got.size(), 100U);
   EXPECT_EQ(got[76].frame.can_id, 0x106U);
   EXPECT_EQ(got[77].frame.can_id, 0x200U);
 }

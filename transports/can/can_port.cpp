@@ -43,6 +43,7 @@ CanPort::CanPort(const PortSpec& spec, const PortSettings& settings, std::unique
       bus_(spec),
       delivery_(settings.delivery),
       yields_(settings.yields),
+      may_collect_(settings.collects),
       virtual_frames_per_s_(delivery_ == Delivery::complete ? max_frames_per_s(spec) : std::nullopt),
       link_(std::move(link)),
       queue_(max_age(spec, delivery_)) {}
@@ -74,8 +75,13 @@ void CanPort::send(std::span<const Frame> frames) noexcept {
 }
 
 std::optional<Port::Received> CanPort::receive() noexcept {
-  // The host's frames are read when the collected frames have left, which it may answer.
-  if (is_collecting() && !queue_.is_empty()) return std::nullopt;
+  // Nothing is read before the collected frames have left: the host may answer them. They leave without a whole batch
+  // if the device has become silent.
+  if (is_collecting() && !queue_.is_empty()) {
+    if (++looks_ < most_looks) return std::nullopt;
+    flush();
+  }
+  looks_ = 0;
   if (!link_->is_bound() && !rebind()) return std::nullopt;
   // The first error may only report that the interface went down.
   constexpr int most_malformed = 256;  // in one call, so that the caller can do other work
@@ -112,7 +118,7 @@ int CanPort::bind() noexcept {
   is_virtual_ = link_->is_virtual();
   max_frames_per_s_ = is_virtual_ ? virtual_frames_per_s_ : std::nullopt;
   if (is_virtual_ && yields_) yield_to_receivers();
-  collects_ = is_virtual_ && yields_ && !max_frames_per_s_;
+  collects_ = is_virtual_ && may_collect_ && !max_frames_per_s_;
   if (const int down = link_->pending_error(); down != 0)
     lose(down);
   else

@@ -86,7 +86,7 @@ class CanPort final : public Port {
   const bool allows_fd_;
   const CanBus bus_;
   const Delivery delivery_;
-  const bool yields_;
+  const bool yields_, may_collect_;
   const std::optional<double> virtual_frames_per_s_;  // to an interface without bit timing
   std::optional<double> max_frames_per_s_;            // nullopt: not paced
   const std::unique_ptr<CanLink> link_;
@@ -96,6 +96,8 @@ class CanPort final : public Port {
   // In `fast` without pacing no receiver waits for one sample: frames collect until one system call sends a batch,
   // the caller flushes, or an answer leaves.
   bool collects_ = false;
+  static constexpr int most_looks = 128;  // receive() without reading, until the collected frames leave
+  int looks_ = 0;
   bool bus_off_ = false;
   PortState bus_state_ = PortState::ready;  // of the controller, unless it is off
   bool output_full_ = false;                // the socket's send buffer was full at the last attempt

@@ -85,7 +85,10 @@ TEST_F(CanConfig, OnlyRealtimeMayDropFramesThatAreLate) {
     for (const ImuConfig& imu : config.imus) {
       EXPECT_EQ(imu.port_settings.delivery, Delivery::complete);
       EXPECT_EQ(imu.port_settings.yields, config.clock == ClockMode::fast);
+      EXPECT_FALSE(imu.port_settings.collects) << "two imus on the bus";
     }
+  const Config apart = load({"imu.1.port=can:vcan9", "clock=fast", "truth.port=pcap:t.pcap"});
+  for (const ImuConfig& imu : apart.imus) EXPECT_TRUE(imu.port_settings.collects);
 }
 
 TEST_F(CanConfig, LoadIsOfEveryMessageThatIsListed) {
