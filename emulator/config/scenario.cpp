@@ -38,7 +38,9 @@ bool is_record(const std::string& port) {
 }
 
 std::string objection_of(const FaultConfig& fault, const ImuConfig& imu) {
-  return fault_objection(*fault.kind, fault.kind->targets[fault.target], *imu.protocol, imu.settings);
+  const std::string_view target = fault.kind->targets[fault.target];
+  if (target == "inclinometer" && imu.model.inclinometer) return {};
+  return fault_objection(*fault.kind, target, *imu.protocol, imu.settings);
 }
 
 constexpr std::string_view needs_host =

@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include <string_view>
 #include <vector>
 
 namespace imud {
@@ -15,9 +14,12 @@ bool has_inclinometers(const Protocol& protocol, const Settings& settings) {
 
 std::string inclinometer_objection(const Protocol& protocol, const Settings& settings) {
   if (has_inclinometers(protocol, settings)) return {};
-  std::vector<std::string_view> others;
+  std::vector<std::string> others;
   for (const Protocol* other : protocols())
-    if (has_inclinometers(*other, Settings(other->settings))) others.push_back(other->name);
+    if (other->takes_inclinometers)
+      others.push_back(fmt::format("{} with [imu.inclinometer]", other->name));
+    else if (has_inclinometers(*other, Settings(other->settings)))
+      others.emplace_back(other->name);
   return fmt::format("needs inclinometers, which {} does not have; these do: {}", protocol.name,
                      fmt::join(others, ", "));
 }

@@ -239,7 +239,8 @@ TEST_F(PresetsTest, InclinometersAreOfProductsThatHaveThem) {
     ADD_FAILURE() << "native has inclinometers";
   } catch (const ConfigError& error) {
     EXPECT_TRUE(contains(error.what(),
-                         "imu.0.inclinometer: needs inclinometers, which native does not have; these do: stim300"))
+                         "imu.0.inclinometer: needs inclinometers, which native does not have; these do: "
+                         "csv with [imu.inclinometer], stim300"))
         << error.what();
   }
 }

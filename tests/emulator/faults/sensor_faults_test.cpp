@@ -253,6 +253,15 @@ TEST_F(SensorFaultsTest, OfInclinometersAreTheirOwn) {
     ASSERT_LT((added - Vector3(0.05, 0, 0)).cwiseAbs().maxCoeff(), 1.1 * 0x1p-22) << k;
   }
   compare(run("[[fault]]\ntarget = \"accelerometer\"" + bias, "stim300", 1, errors), false);
+  const std::string of_csv =
+      "model = \"white\"\nrate_hz = 500\ngyro.max_rad_per_s = 9\naccelerometer.max_m_per_s2 = 99\n"
+      "[imu.inclinometer]\n";
+  const Result upright = run("", "csv", 1, of_csv);
+  const Result leaning = run("[[fault]]\ntarget = \"inclinometer.x\"" + bias, "csv", 1, of_csv);
+  ASSERT_GT(leaning.measurements.size(), 2000U);
+  const Vector3 lean =
+      *leaning.measurements[first].sample.inclination - *upright.measurements[first].sample.inclination;
+  EXPECT_NEAR(lean.x(), 0.05 * 9.80665, 1e-12);
   std::size_t kinds = 0;
   for (const FaultKind& kind : sensor_fault_kinds()) {
     if (std::ranges::count(kind.targets, "inclinometer") == 0) continue;
@@ -271,7 +280,7 @@ TEST_F(SensorFaultsTest, OfInclinometersAreTheirOwn) {
   }
   EXPECT_EQ(kinds, 13U);
   EXPECT_EQ(fault_objection(sensor_fault_kinds()[0], "inclinometer", *find_protocol("native"), Settings()),
-            "needs inclinometers, which native does not have; these do: stim300");
+            "needs inclinometers, which native does not have; these do: csv with [imu.inclinometer], stim300");
 }
 
 // A bias far below half of the values' LSB is in increments that have an LSB of their own.
