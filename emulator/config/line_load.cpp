@@ -110,7 +110,8 @@ Sample sample_at_place() {
                        .longitude = 0.1,
                        .height = 500,
                        .r_E = {4e6, 5e5, 5e6},
-                       .v_L = {3, -4, 12}};
+                       .v_L = {3, -4, 12},
+                       .antennas = {.direction_L = {0.6, 0.8, 0}, .sigma = 0.01}};
   sample.magnetic_field = {2e-5, 1e-5, 4e-5};
   sample.pressure = 9e4;
   return sample;

@@ -111,6 +111,24 @@ TEST_F(EarthConfigTest, AnImuThatSendsNoPlaceDoesNotComputeIt) {
                     is_product ? "" : "rate_hz = 600\ngyro.max_rad_per_s = 1\naccelerometer.max_m_per_s2 = 99\n")));
     EXPECT_EQ(config.imus[0].model.earth.frame, frame) << protocol;
   }
+  // A described unit whose only quantity of a place is the heading of its antennas.
+  for (const auto& [quantity, frame] : {std::tuple{"gnss_heading_deg", EarthModel::Frame::automatic},
+                                        {"gnss_has_heading", EarthModel::Frame::automatic},
+                                        {"rate_x_deg_per_s", EarthModel::Frame::none}}) {
+    const std::string frames = write(
+        "compass.toml",
+        fmt::format("frame_version = 1\nname = \"compass\"\nrate_hz = 10\nbyte_order = \"little\"\n[[message]]\n"
+                    "name = \"data\"\nlayout = [\"55 AA\", \"@begin\", \"alive_counter:u8\", \"{}:i16*0.01\", "
+                    "\"check:crc16/ibm-3740:@begin.. be\"]\n",
+                    quantity));
+    const Config config =
+        load_config(write("place.toml",
+                          "[truth]\nport = \"udp:127.0.0.1:5140\"\nformat = \"jsbsim\"\n[[imu]]\nprotocol = "
+                          "\"frame\"\nport = \"file:a\"\nrate_hz = 10\ngyro.max_rad_per_s = 1\n"
+                          "accelerometer.max_m_per_s2 = 99\ndevice.frame_file = \"" +
+                              frames + "\"\n"));
+    EXPECT_EQ(config.imus[0].model.earth.frame, frame) << quantity;
+  }
 }
 
 // A described product that has an attitude, but no place: yaw, pitch and roll follow the length and the number.
