@@ -91,7 +91,8 @@ double solution_status(const Reading& reading) noexcept {
   const Sample& sample = reading.sample;
   const unsigned valid = valid_bits(reading);
   const unsigned status = solution_mode(reading) | valid | (valid == all_valid ? converged : 0U);
-  if (!sample.solution) return status | (sample.navigation.is_known ? receiver : 0U);
+  if (!sample.solution)
+    return status | (sample.navigation.is_known ? receiver : 0U) | (sample.antennas() != nullptr ? antennas : 0U);
   if (is_in(reading, Solution::State::aligning))
     return status | vertical | (has_magnetometer(sample) ? magnetic : 0U);
   const Solution& solution = *sample.solution;
@@ -152,7 +153,7 @@ double gps_course_accuracy(const Reading& reading) noexcept {
 // GPS_HDT_STATUS, bits 0 to 5: 0 computed, 1 too few satellites; bit 6: the length of the baseline is valid, which no
 // message on CAN has. Without a heading the accuracies of heading and pitch are 180 and 90 deg, from which on they
 // are not valid (sbgEComLogGnssHdt.c; an accuracy of 0 is not valid either). Some receivers measure no pitch
-// (sbgEComLogGnssHdt.h). So does this one, because no figure of its accuracy is known.
+// (sbgEComLogGnssHdt.h). This receiver measures none either, because no document states its accuracy.
 double gps_heading_status(const Reading& reading) noexcept { return reading.sample.antennas() != nullptr ? 0 : 1; }
 constexpr double heading_lsb = 0.01 * units::degree;
 double gps_heading_accuracy(const Reading& reading) noexcept {

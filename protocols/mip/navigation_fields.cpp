@@ -264,7 +264,8 @@ void Fields::put_aiding_summaries(Packet& packet, DeviceTime at) const noexcept 
                                                 {0, pressure, aid::pressure},
                                                 {0, magnetometer, aid::magnetic_heading}};
   const std::optional<Solution>& solution = sample_.solution;
-  const unsigned fixes = is_known() ? aid::position | aid::velocity : 0U;
+  const unsigned fixes = (is_known() ? aid::position | aid::velocity : 0U) |
+                         (sample_.antennas() != nullptr ? aid::antennas_heading : 0U);
   const unsigned withheld = requests_.aids.withheld;
   const unsigned used = (solution ? solution->used : fixes) & ~withheld,
                  rejected = solution ? solution->rejected & ~withheld : 0U;

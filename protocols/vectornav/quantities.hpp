@@ -122,10 +122,10 @@ class Quantities {
     unsigned bits = static_cast<unsigned>(mode());
     if (is_fixed) bits |= fix_bit;
     if (!is_fixed || r_.model.receivers < 2) return static_cast<std::uint16_t>(bits);
-    const bool measures = s_.fix().antennas.sigma > 0;
-    if (!measures || s_.antennas() != nullptr) bits |= compass_bit;
+    const bool measures = s_.fix().antennas.sigma > 0, has_heading = !measures || s_.antennas() != nullptr;
+    if (has_heading) bits |= compass_bit;
     const bool is_used = measures && s_.solution ? (s_.solution->used & aid::antennas_heading) != 0
-                                                 : !is_filter_ || is_filters_place();
+                                                 : has_heading && (!is_filter_ || is_filters_place());
     if (is_used) bits |= heading_bit;
     return static_cast<std::uint16_t>(bits);
   }

@@ -81,7 +81,7 @@ def sbg_aiding(sample, _):
 def sbg_solution(sample, _):
     state = sample["navigation_state"]
     if state == 0:
-        return 0x08000CF4
+        return 0x08000CF4 | int(sample["gnss_has_heading"]) << 13
     north, east, down = deviations(sample, "attitude")
     valid = (max(north, east) < math.radians(0.5)) | (down < math.radians(1)) << 1
     if has_place(sample):

@@ -70,6 +70,10 @@ TEST(SbgCanSolutionTest, WordsFollowTheFilter) {
   // The heading of two antennas arrives, but is not used.
   EXPECT_EQ(sbg_words(aided(with_antennas(known, 1, 0.01))), (SbgLines{"A700", "0F010000", "F40C0008"}));
   EXPECT_EQ(sbg_words(aligning(with_antennas(known, 1, 0.01))), (SbgLines{"A700", "0F010000", "02030000"}));
+  // With the truth as solution it is used while there is one.
+  const std::string without = solution(known);
+  EXPECT_EQ(without.substr(2), "0C0008");
+  EXPECT_EQ(solution(with_antennas(known, 1, 0.01)), without.substr(0, 2) + "2C0008");
   // Without: the fixes count for 3 s, the time runs on, and the mode stays.
   EXPECT_EQ(sbg_words(coasting(known, 2.9)), (SbgLines{"8200", "00010000", "F40C0008"}));
   EXPECT_EQ(sbg_words(coasting(known, 3.1)), (SbgLines{"8200", "00010000", "F4000008"}));

@@ -363,6 +363,9 @@ TEST(MipSolution, AidsThatAreUsedOrRejected) {
             (Aids{{1, 1, enabled}, {2, 1, enabled}, {0, 2, enabled}, {0, 4, enabled}, {0, 5, used}}));
   EXPECT_EQ(gq7.unit().code(command(0x0D, 0x50, {1, 0, 4, 0})), 0);
   EXPECT_EQ(aids_in(gq7.packet(sample)).back(), (std::array{0, 5, 0})) << "the host has switched it off";
+  FilterUnit truthful("3dm-gq7", {0x46});
+  EXPECT_EQ(aids_in(truthful.packet(known))[2], (std::array{0, 2, enabled})) << "the truth, without antennas";
+  EXPECT_EQ(aids_in(truthful.packet(with_antennas(known, 1, 0.01)))[2], (std::array{0, 2, used}));
   FilterUnit cv7("3dm-cv7-ins", {0x46});
   EXPECT_EQ(aids_in(cv7.packet(known)), (Aids{{1, 34, used}, {1, 41, used}, {0, 4, enabled}, {0, 5, enabled}}));
   sample = aided(known);

@@ -70,6 +70,9 @@ TEST(VectorNavSolution, TheCompassIsTheReceivers) {
   Unit unit({{"model", std::string("vn-300")}, {"async_type", std::int64_t{0}}});
   const Sample known = with_antennas(at_30_north(90), 1.25, 0.003);
   EXPECT_EQ(ins_status(unit, known), "0306") << "the truth";
+  Sample upright = known;
+  upright.navigation.antennas.direction_L = -Vector3::UnitZ();
+  EXPECT_EQ(ins_status(unit, upright), "0006");
   EXPECT_EQ(ins_status(unit, aligning(known)), "0205");
   Sample sample = aided(known);
   EXPECT_EQ(ins_status(unit, sample), "0206") << "rejected";
