@@ -124,6 +124,10 @@ TEST_F(SolutionTest, KeysAreChecked) {
       load("solution = \"filter\"\nestimate_scale_factors = true\n").imus[0].navigator.estimates_scale_factors);
   const ImuConfig antennas = load("solution = \"truth\"\nantennas_heading_deg = 1\n").imus[0];
   EXPECT_FALSE(antennas.navigator.is_on);
+  const auto warnings = [&](const std::string& key) {
+    return load("solution = \"attitude\"\n" + key).warnings.size();
+  };
+  EXPECT_EQ(warnings("antennas_heading_deg = 1\n"), warnings("") + 1);
   EXPECT_EQ(antennas.model.navigation.antennas_heading, units::degree);
   for (const char* wrong : {"solution = \"kalman\"\n", "gnss_rate_hz = 5\n", "barometer_rate_hz = 5\n",
                             "solution = \"filter\"\nantennas_heading_deg = 1\ngnss_rate_hz = 0\n",
