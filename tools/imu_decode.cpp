@@ -45,22 +45,23 @@ struct Options {
   std::optional<int> ready_fd;
   bool quiet = false;
   bool fields = false;
+  bool inclination = false;
 };
 
 // Writes and counts measurements, or frames where their fields are printed, up to the number wanted.
 class Recorder final : public MeasurementReceiver, public FrameReceiver {
  public:
-  // `fields`: nullptr if the measurements are printed. `may_incline`: the sensor may have inclinometers. Then the
-  // first measurement shows which table it is, and otherwise the header is printed at once.
+  // `fields`: nullptr if the measurements are printed.
   Recorder(const Protocol& protocol, const Options& options, TextOutput& csv, FieldCsv* fields,
-           MeasurementFiles& files, bool may_incline)
+           MeasurementFiles& files)
       : statistics_(protocol),
         csv_(csv),
         fields_(fields),
         files_(files),
         print_(!options.quiet && fields == nullptr),
+        with_inclination_(options.inclination),
         wanted_(options.input.count) {
-    if (print_ && !may_incline) print_header(false);
+    if (print_) csv_.write(with_inclination_ ? measurement_csv_header_with_inclination : measurement_csv_header);
   }
 
   void on_frame(const DecodedFrame& frame) override {
@@ -72,7 +73,6 @@ class Recorder final : public MeasurementReceiver, public FrameReceiver {
     statistics_.add(measurement, arrival_);
     files_.write(measurement);
     if (!print_) return;
-    print_header(measurement.sample.inclination.has_value());
     std::array<char, measurement_csv_row_max> row;
     csv_.write({row.data(), write_measurement_csv(measurement, row, with_inclination_)});
   }
@@ -84,9 +84,7 @@ class Recorder final : public MeasurementReceiver, public FrameReceiver {
     csv_.flush();
     files_.flush();
   }
-  // Ends the table, which may have no rows.
   void finish() {
-    if (print_) print_header(false);
     csv_.flush();
     statistics_.finish();
   }
@@ -94,19 +92,12 @@ class Recorder final : public MeasurementReceiver, public FrameReceiver {
   std::uint64_t decoded() const { return fields_ != nullptr ? fields_->rows() : statistics_.samples(); }
 
  private:
-  void print_header(bool with_inclination) {
-    if (std::exchange(has_header_, true)) return;
-    with_inclination_ = with_inclination;
-    csv_.write(with_inclination ? measurement_csv_header_with_inclination : measurement_csv_header);
-  }
-
   StreamStatistics statistics_;
   TextOutput& csv_;
   FieldCsv* const fields_;
   MeasurementFiles& files_;
-  const bool print_;
+  const bool print_, with_inclination_;
   const std::uint64_t wanted_;
-  bool has_header_ = false, with_inclination_ = false;
   std::optional<HostTime> arrival_;
 };
 
@@ -119,8 +110,6 @@ int decode(const Options& options, bool& running) {
     StreamReport{protocol, {}, StreamStatistics(protocol), {}, {}, {}, {}, {}}.seen(limit);
   const Settings settings = settings_from(protocol.settings, options.input.settings);
   const auto decoder = protocol.make_decoder(settings);
-  const bool may_incline = protocol.takes_inclinometers ||
-                           (protocol.product != nullptr && protocol.product(settings).inclinometer.has_value());
   auto* const field_decoder = dynamic_cast<FieldDecoder*>(decoder.get());
   if (options.fields && field_decoder == nullptr)
     throw std::invalid_argument(fmt::format("--fields is for protocol frame: {} has no description", protocol.name));
@@ -144,7 +133,7 @@ int decode(const Options& options, bool& running) {
   MeasurementFiles files(options.files, protocol, options.input.port, in_use);
 
   running = true;
-  Recorder recorder(protocol, options, csv, fields ? &*fields : nullptr, files, may_incline);
+  Recorder recorder(protocol, options, csv, fields ? &*fields : nullptr, files);
   if (fields) field_decoder->pass_frames_to(&recorder);
   const std::string_view ended_by = receive_all(*port, *decoder, recorder, options.input);
   const DecodeErrors errors = decoder->errors();
@@ -213,6 +202,7 @@ int execute(int argc, char** argv, bool& running) {
       "writes a line to this file descriptor, and closes it, when the port is open")
       ->check(number_check(1, 1023));
   app.add_flag("--quiet", options.quiet, "no CSV, only the report");
+  app.add_flag("--inclination", options.inclination, "three more columns of the CSV: the inclination, m/s^2");
   app.add_flag(
       "--fields", options.fields,
       "protocol frame: in place of measurements, CSV of all that each frame carries, by the names and in the\n"

@@ -94,7 +94,7 @@ class Package(RunTest):
             data = self.folder / f"{protocol}.bin"
             config = self.config(f"protocol = '{protocol}'\nport = 'file:{data}'\n{more}")
             run("imud", "replay", config, FLIGHT, "-q")
-            path.write_text(run("imu-decode", protocol, f"file:{data}")[0])
+            path.write_text(run("imu-decode", protocol, f"file:{data}", "--inclination")[0])
             array = imud.load(path)
             self.assertGreater(len(array), 1000)
             difference = abs(array["incl"][100:] - array["accel"][100:]).mean(axis=0)
