@@ -140,11 +140,8 @@ void Navigator::take(Sample& sample, TruthTime time, std::optional<double> earth
     if (is_rejecting_) review(sample, at, dt);
     const bool is_due = is_epoch && fix_every_ > 0;
     if (is_due) {
-      forget(aid::position | aid::velocity);
+      forget(aid::position | aid::velocity | aid::antennas_heading);
       use_fix(sample, at);
-    }
-    if (is_due) {
-      forget(aid::antennas_heading);
       if (has_antennas(sample)) use_antennas(sample, at);
     }
     if (heading_every_ > 0 && since % heading_every_ == 0) {

@@ -1,4 +1,5 @@
-// is_plus_zero: finds vectors that any matrix of rotation leaves as they are, to the bit.
+// is_plus_zero: finds vectors that a unit quaternion and the identity matrix leave as they are, to the bit. A row of
+// three negative numbers of another matrix makes -0 of them.
 #pragma once
 
 #include <bit>
