@@ -3,17 +3,14 @@
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <poll.h>
-#include <stdlib.h>
 #include <sys/socket.h>
 #include <sys/wait.h>
-#include <termios.h>
 #include <unistd.h>
 
 #include <array>
 #include <cerrno>
 #include <csignal>
 #include <cstring>
-#include <filesystem>
 #include <fstream>
 #include <memory>
 #include <stdexcept>
@@ -29,8 +26,6 @@ namespace imud::timing {
 
 namespace {
 
-constexpr std::size_t frame_size = 112;  // about that of a native measurement
-
 enum class Work : std::uint8_t { none, polls, samples };
 
 // One recv, one write; if it `polls`, one ppoll before; if it `samples`, the truth's decoding and the sensor model's
@@ -38,17 +33,9 @@ enum class Work : std::uint8_t { none, polls, samples };
 class Relay {
  public:
   Relay(const std::string& link, Work work, const ImuModel& model) {
-    FileDescriptor master(::posix_openpt(O_RDWR | O_NOCTTY | O_CLOEXEC));
-    if (!master || ::grantpt(master.get()) != 0 || ::unlockpt(master.get()) != 0) throw std::runtime_error("no pty");
-    termios raw{};
-    ::tcgetattr(master.get(), &raw);
-    ::cfmakeraw(&raw);
-    ::tcsetattr(master.get(), TCSANOW, &raw);
-    std::array<char, 64> slave{};
-    ::ptsname_r(master.get(), slave.data(), slave.size());
-    std::filesystem::create_symlink(slave.data(), link);
+    const FileDescriptor master = open_pty(link);
     const FileDescriptor socket = bound_socket(port_);
-    const FileDescriptor reader(::open(slave.data(), O_RDWR | O_NOCTTY | O_CLOEXEC));  // so that nobody hangs up
+    const FileDescriptor reader(::open(link.c_str(), O_RDWR | O_NOCTTY | O_CLOEXEC));  // so that nobody hangs up
     child_ = ::fork();
     if (child_ != 0) return;
     ::prctl(PR_SET_PDEATHSIG, SIGKILL);
@@ -103,21 +90,6 @@ struct Lockstep {
   const int port = free_udp_port();
   Program imud{"imud"};
 };
-
-FileDescriptor open_link(const std::string& link) {
-  for (int ms = 0; ms < 5000; ++ms) {
-    FileDescriptor fd(::open(link.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
-    if (fd) {
-      termios raw{};
-      ::tcgetattr(fd.get(), &raw);
-      ::cfmakeraw(&raw);
-      ::tcsetattr(fd.get(), TCSANOW, &raw);
-      return fd;
-    }
-    std::this_thread::sleep_for(std::chrono::milliseconds(1));
-  }
-  throw std::runtime_error(link + " did not appear");
-}
 
 // One path from truth to bytes, measured at both ends.
 class Path {

@@ -70,12 +70,41 @@ sockaddr_in loopback(int port) {
   return address;
 }
 
+void make_raw(int fd) {
+  termios raw{};
+  ::tcgetattr(fd, &raw);
+  ::cfmakeraw(&raw);
+  ::tcsetattr(fd, TCSANOW, &raw);
+}
+
+}  // namespace
+
 void sleep_until(HostTime time) {
   const timespec at{time.ns / 1'000'000'000, time.ns % 1'000'000'000};
   ::clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &at, nullptr);
 }
 
-}  // namespace
+FileDescriptor open_pty(const std::string& link) {
+  FileDescriptor master(::posix_openpt(O_RDWR | O_NOCTTY | O_CLOEXEC));
+  if (!master || ::grantpt(master.get()) != 0 || ::unlockpt(master.get()) != 0) throw std::runtime_error("no pty");
+  make_raw(master.get());
+  std::array<char, 64> slave{};
+  ::ptsname_r(master.get(), slave.data(), slave.size());
+  std::filesystem::create_symlink(slave.data(), link);
+  return master;
+}
+
+FileDescriptor open_link(const std::string& link) {
+  for (int ms = 0; ms < 5000; ++ms) {
+    FileDescriptor fd(::open(link.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
+    if (fd) {
+      make_raw(fd.get());
+      return fd;
+    }
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }
+  throw std::runtime_error(link + " did not appear");
+}
 
 FileDescriptor bound_socket(int& port) {
   FileDescriptor socket(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
@@ -129,10 +158,7 @@ PtyReaders::PtyReaders(std::vector<std::string> links)
               std::this_thread::sleep_for(std::chrono::milliseconds(1));
               continue;
             }
-            termios raw{};
-            ::tcgetattr(fd.get(), &raw);
-            ::cfmakeraw(&raw);
-            ::tcsetattr(fd.get(), TCSANOW, &raw);
+            make_raw(fd.get());
             ready.push_back({fd.get(), POLLIN, 0});
             open.push_back(std::move(fd));
             continue;

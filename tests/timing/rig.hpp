@@ -11,6 +11,7 @@
 
 #include "core/truth.hpp"
 #include "transports/file_descriptor.hpp"
+#include "transports/host_clock.hpp"
 
 namespace imud::timing {
 
@@ -36,6 +37,15 @@ class Folder {
  private:
   std::string path_;
 };
+
+constexpr std::size_t frame_size = 112;  // about that of a native measurement
+
+void sleep_until(HostTime time);
+
+// Returns the master of a new raw pty, whose slave has the name `link`; and a slave of such a name, as soon as it
+// exists.
+FileDescriptor open_pty(const std::string& link);
+FileDescriptor open_link(const std::string& link);
 
 // UDP on loopback: connected to imud's truth port, or bound to a port of its own.
 FileDescriptor truth_socket(int port);
