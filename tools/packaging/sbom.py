@@ -105,10 +105,11 @@ def cached(build, name):
 
 def headers(build, programs):
     """Returns all files outside the source tree and the build that the compiler has read for these programs."""
-    objects = [path for path in output_of("ninja", "-C", str(build), "-t", "inputs", *programs).split() if path.endswith(".o")]
+    inputs = output_of("ninja", "-C", str(build), "-t", "inputs", *programs).split()
+    compiled = [path for path in inputs if path.endswith((".o", ".gch"))]  # objects, precompiled headers
     own = tuple(f"{os.path.realpath(folder)}/" for folder in (build, cached(build, "CMAKE_HOME_DIRECTORY")))
     found = set()
-    for line in output_of("ninja", "-C", str(build), "-t", "deps", *objects).splitlines():
+    for line in output_of("ninja", "-C", str(build), "-t", "deps", *compiled).splitlines():
         if line.startswith("    "):
             path = os.path.normpath(os.path.join(build, line.strip()))
             if not os.path.realpath(path).startswith(own):
