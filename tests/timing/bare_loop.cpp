@@ -40,7 +40,8 @@ BareRun bare_loop(const Folder& folder, int ptys, bool are_apart, double duratio
     const PtyReaders readers(links);
     std::this_thread::sleep_for(std::chrono::milliseconds(50));  // until they have begun
     std::jthread loop([&] {
-      const sched_param priority{70};  // of imud and of cyclictest; without the right to it all have none
+      // imud and cyclictest have this priority, too. Without the right to it none of the three has it.
+      const sched_param priority{70};
       ::pthread_setschedparam(::pthread_self(), SCHED_FIFO, &priority);
       const double before_s = thread_cpu_s();
       const std::array<std::byte, frame_size> frame{};

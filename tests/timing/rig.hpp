@@ -38,7 +38,8 @@ class Folder {
   std::string path_;
 };
 
-constexpr std::size_t frame_size = 112;  // about that of a native measurement
+// A native measurement has about as many bytes.
+constexpr std::size_t frame_size = 112;
 
 void sleep_until(HostTime time);
 
