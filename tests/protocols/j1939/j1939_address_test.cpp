@@ -4,7 +4,7 @@
 namespace imud::j1939_test {
 namespace {
 
-const std::string claim = "18EEFF80#" + own_name;
+const std::string claim = "18EEFF80#0100E06600830080";  // with own_name
 const std::string lower = "0000E06600830080", higher = "0200E06600830080";
 
 TEST(J1939AddressTest, ClaimsAtPowerOnAndWaits) {
