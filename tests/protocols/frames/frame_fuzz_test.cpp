@@ -42,12 +42,13 @@ TEST(FrameFuzz, AnyFileIsReadOrRefused) {
       if (text.empty()) text = " ";
     }
     try {
-      Line line = frame_line(text);
+      const auto description = frames_of_text(text, "test.toml");
+      Line line(protocol_named("frame"), frame_settings(description));
       Recording recording;
       for (const Frame& frame : line.encode({})) line.decoder->feed(frame, recording);
       line.decoder->feed({random_bytes(300, random)}, recording);
       const auto replies = std::make_unique<FrameBuffer>();
-      for (const std::vector<std::byte>& bytes : FrameRequests(*frames_of_text(text, "test.toml")).examples())
+      for (const std::vector<std::byte>& bytes : FrameRequests(*description).examples())
         line.device->receive({bytes}, {}, *replies);
       line.device->receive({random_bytes(300, random)}, {}, *replies);
       line.decoder->finish(recording);
