@@ -90,6 +90,9 @@ const char* refusal_of_port(std::string_view key, const ImuConfig& before, const
 const char* refusal_of(std::string_view key, const Config& config, const ImuConfig& before, const ImuConfig& after) {
   if (!is_in(imu_keys, key)) return "cannot change while the run goes on";
   if (is_in(port_keys, key)) return refusal_of_port(key, before, after);
+  if (key.starts_with("inclinometer.") && before.protocol->takes_inclinometers &&
+      before.model.inclinometer.has_value() != after.model.inclinometer.has_value())
+    return "the columns cannot change while the run goes on: a reload neither adds nor removes [imu.inclinometer]";
   return key.starts_with("device.") ? refusal_of_settings(config, before, after) : nullptr;
 }
 

@@ -1,4 +1,4 @@
-// A reload of a unit that computes its own solution.
+// A reload of a unit that computes its own solution, and of what decides the columns of `csv`.
 #include "tests/emulator/control/control_client.hpp"
 #include "tests/emulator/run/live_test.hpp"
 #include "tests/support/text.hpp"
@@ -33,6 +33,20 @@ TEST_F(SolutionReloadTest, NeedsNoFaults) {
   client.call("quit");
   EXPECT_EQ(imud.wait(), 0) << imud.errors();
   EXPECT_EQ(rows(read_file(path("out1"))).size(), 61U);
+}
+
+// The header row has left: inclinometers that are added would not show.
+TEST_F(SolutionReloadTest, TheColumnsOfCsvStay) {
+  Program imud("imud");
+  start(imud, write("config.toml", config_of("")), {});
+  ControlClient client(path("socket"));
+  ASSERT_TRUE(simulator_.exchange(Simulator::truth(0, 0, true))) << imud.errors();
+  write("config.toml", config_of("[imu.inclinometer]\nbias_m_per_s2 = 1\n"));
+  const std::string why = client.call("reload")["error"]["message"];
+  EXPECT_TRUE(contains(why, "imu.imu1.inclinometer.")) << why;
+  EXPECT_TRUE(contains(why, "the columns cannot change while the run goes on")) << why;
+  client.call("quit");
+  EXPECT_EQ(imud.wait(), 0) << imud.errors();
 }
 
 }  // namespace
