@@ -129,6 +129,8 @@ ImuConfig read_imu(TableReader& table, std::size_t index, const TruthConfig& tru
 // that sends to the truth's port (imus_together.cpp).
 void check_imus_together(const std::vector<ImuConfig>& imus, const std::string& truth_port, const toml::array& tables,
                          Faults& faults);
+// Lets each imu collect its frames that has its bus for itself: the frames of several leave in the order of time.
+void set_collecting(std::vector<ImuConfig>& imus);
 // Reads the keys of the fit of poses. Requires that truth.format and truth.port are set.
 void read_fit(TableReader& table, ClockMode clock, TruthConfig& truth);
 // Describes the fit, with delay and bandwidth; empty if nothing is derived.

@@ -157,6 +157,16 @@ void check_imus_together(const std::vector<ImuConfig>& imus, const std::string& 
   if (faults.all().empty()) together.check_buses(imus);
 }
 
+void set_collecting(std::vector<ImuConfig>& imus) {
+  const auto bus_of = [](const std::string& port) { return port.substr(0, port.find('?')); };
+  std::map<std::string, int> senders;
+  for (const ImuConfig& imu : imus) {
+    ++senders[bus_of(imu.port)];
+    for (const std::string& copy : imu.also) ++senders[bus_of(copy)];
+  }
+  for (ImuConfig& imu : imus) imu.port_settings.collects = senders[bus_of(imu.port)] == 1;
+}
+
 void check_new_ports(const Config& now, const Config& next) {
   std::map<std::string, std::string> open;  // the keys of the ports by their addresses
   const auto add = [&](const std::string& imu, std::string_view key, const std::string& port) {

@@ -341,10 +341,7 @@ Config read_config(ConfigText text, const std::string& path, const std::string& 
                         "\"hold\" or \"silence\"",
                         read.protocol->name));
     }
-    const auto bus_of = [](const ImuConfig& imu) { return imu.port.substr(0, imu.port.find('?')); };
-    for (ImuConfig& imu : config.imus)  // the frames of several imus on a bus leave in the order of time
-      imu.port_settings.collects =
-          config.clock == ClockMode::fast && std::ranges::count(config.imus, bus_of(imu), bus_of) == 1;
+    if (config.clock == ClockMode::fast) set_collecting(config.imus);
     set_bounds(config.imus, config.truth.bounds);
     check_imus_together(config.imus, config.truth.port, *array, faults);
     check_files(config, path, *array, faults);

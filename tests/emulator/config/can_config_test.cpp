@@ -89,6 +89,10 @@ TEST_F(CanConfig, OnlyRealtimeMayDropFramesThatAreLate) {
     }
   const Config apart = load({"imu.1.port=can:vcan9", "clock=fast", "truth.port=pcap:t.pcap"});
   for (const ImuConfig& imu : apart.imus) EXPECT_TRUE(imu.port_settings.collects);
+  const Config copied =
+      load({"imu.1.port=can:vcan9", "imu.1.also=[\"can:vcan0\"]", "clock=fast", "truth.port=pcap:t.pcap"});
+  EXPECT_FALSE(copied.imus[0].port_settings.collects) << "copies of the other imu's frames are on its bus";
+  EXPECT_TRUE(copied.imus[1].port_settings.collects);
 }
 
 TEST_F(CanConfig, LoadIsOfEveryMessageThatIsListed) {
