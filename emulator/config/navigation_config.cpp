@@ -148,7 +148,8 @@ void read_navigator(TableReader& table, const TruthConfig& truth, ImuConfig& imu
   if (is_inertial || table.has("antennas_heading_deg"))
     imu.model.navigation.antennas_heading = units::degree * table.real("antennas_heading_deg", 0, 0, 10);
   if (is_attitude && model.navigation.antennas_heading > 0)
-    table.warn("antennas_heading_deg", "has no effect: solution = \"attitude\" takes no heading of a receiver");
+    table.warn("antennas_heading_deg",
+               "is only reported, as the receiver's: solution = \"attitude\" takes no heading of a receiver");
   if (is_inertial && model.navigation.antennas_heading > 0 && navigator.gnss_rate_hz == 0)
     table.fault("antennas_heading_deg", "comes with fixes; give a gnss_rate_hz above 0");
   navigator.barometer_rate_hz = of_filter("barometer_rate_hz", navigator.barometer_rate_hz, 0, 100);
