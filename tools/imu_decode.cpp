@@ -190,6 +190,8 @@ int execute(int argc, char** argv, bool& running) {
   app.parse_complete_callback([&] {
     if (!find.capture.empty()) return require_only_find_options(app);
     if (options.fields && options.quiet) throw CLI::ExcludesError("--fields", "--quiet");
+    if (options.inclination && options.quiet) throw CLI::ExcludesError("--inclination", "--quiet");
+    if (options.inclination && options.fields) throw CLI::ExcludesError("--inclination", "--fields");
     if (options.input.protocol.empty()) throw CLI::RequiredError("PROTOCOL");
     if (options.input.port.empty()) throw CLI::RequiredError("PORT");
     if (!options.quiet && ::isatty(STDOUT_FILENO) == 1) ProgressLine::hide_all();

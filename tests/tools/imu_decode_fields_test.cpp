@@ -100,6 +100,11 @@ TEST(ImuDecodeFields, NeedADescription) {
   const auto quiet = run_program("imu-decode", {"frame", "file:/dev/null", "--fields", "--quiet"});
   EXPECT_EQ(quiet.exit_code, 2);
   EXPECT_TRUE(contains(quiet.errors, "--quiet")) << quiet.errors;
+  for (const char* other : {"--fields", "--quiet"}) {
+    const auto columns = run_program("imu-decode", {"frame", "file:/dev/null", "--inclination", other});
+    EXPECT_EQ(columns.exit_code, 2);
+    EXPECT_TRUE(contains(columns.errors, std::string("--inclination excludes ") + other)) << columns.errors;
+  }
   const auto none = run_program("imu-decode", {"frame", "file:/dev/null", "--fields"});
   EXPECT_EQ(none.exit_code, 1);
   EXPECT_TRUE(contains(none.errors, "no frame was decoded")) << none.errors;
