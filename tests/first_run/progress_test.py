@@ -143,7 +143,9 @@ class ProgressTest(unittest.TestCase):
         self.expect_progress("1002 runs", "imu-plot", SOURCE / "tools/demo.toml", f"{capture}?port=5140", "--seeds", "1000", "--plot", "run.svg")
 
     def test_truth_as_csv(self):
-        self.expect_progress("the motion", "imu-truth", "rest", "--rate", "10", "--for", "100000", "--csv", "long.csv")
+        self.expect_progress("the motion", "imu-truth", "rest", "--rate", "10", "--for", "100000", "--csv", "motion.csv")
+        subprocess.run([IMUD.parent / "imu-truth", "rest", "--rate", "10", "--for", "100000", "--csv", "long.csv"], check=True,
+                       cwd=self.folder, stderr=subprocess.DEVNULL)
         self.expect_progress("long.csv", "imu-truth", "capture", "long.csv", "--format", "csv", "--csv", "copy.csv")
 
     def test_a_decoder(self):

@@ -82,7 +82,7 @@ TEST_F(CanQueueTest, AFrameThatLeavesEndsThePause) {
   queue(4, milliseconds(0));
   queue_.interface_full(start);
   EXPECT_EQ(leave(CanQueue::retry_pause, 2), numbers(0, 2));
-  EXPECT_LE(next().value(), CanQueue::retry_pause) << "at once";
+  EXPECT_LT(next().value(), CanQueue::retry_pause) << "at once";
   EXPECT_EQ(queue_.ready(start + CanQueue::retry_pause - Nanoseconds(1)), 2U);
   queue_.interface_full(start + CanQueue::retry_pause);
   EXPECT_EQ(leave(CanQueue::retry_pause), numbers(0, 0)) << "no frame leaves within the pause";
