@@ -7,7 +7,8 @@
 namespace imud {
 
 double noise_energy(std::span<const double, 9> times_s, std::span<const Vector3, 9> values) noexcept {
-  // Only the ratio of the weights counts, and products of eight times in seconds may underflow.
+  // The result depends on the ratio of the weights alone. `scale` is therefore the unit of time: a product of eight
+  // differences of times in seconds may underflow.
   const double scale = std::max(times_s[8] - times_s[0], 1e-9);
   double square = 0.0;
   Vector3 sum = Vector3::Zero();

@@ -91,7 +91,7 @@ class CapturePacer final : public TruthPacer {
 // used until a stamp is near.
 class HostPacer final : public Pacer {
  public:
-  // `limits`: the timeline's, which may change.
+  // `limits` are the limits of the timeline. The pacer keeps the reference, because they may change while it runs.
   HostPacer(const TruthClock::Options& options, Epoch epoch, const Timeline::Limits& limits,
             TruthQuality& quality) noexcept
       : clock_(options),

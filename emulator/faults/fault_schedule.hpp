@@ -87,7 +87,8 @@ class FaultSchedule {
     const FaultConfig* fault;
     std::uint32_t number;
     std::uint64_t occurrence = 0;
-    // The number and the time of the sample from which the fault's times count; nothing: the next sample's.
+    // The number and the time of the sample from which the times of the fault count. nullopt: the sample is not known
+    // yet; it will be the next one at which `waits` is false.
     std::optional<std::uint64_t> zero = {};
     double zero_s = 0;
     bool is_ended = false;

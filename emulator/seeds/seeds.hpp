@@ -32,7 +32,9 @@ struct SeedsOptions {
 // the insertion of such truths depends on the samples of all imus.
 //
 // With `npy`, FILE is a structured array of (seeds, measurements) in the form of imu-decode: each imu's messages,
-// decoded. FILE with `_truth` before its suffix is an array of (measurements), with the truth at their samples.
+// decoded. The file with `_truth` before its suffix has the truth at the sample of each measurement. It is an array
+// of (measurements), or of (seeds, measurements) where the instants or the order of the measurements depend on the
+// seed.
 //
 // Prints a summary, and the progress on standard error; writes RunOptions::summary_file with a list by seed.
 // Returns the worst exit code of a run. Throws as run() does, and PortError if the ports do not suit seeds.

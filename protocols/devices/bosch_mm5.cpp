@@ -28,7 +28,8 @@ constexpr CanSignal az[] = {
 
 constexpr SignalProductMessage messages[] = {
     {"yaw_ay", 0x174, 8, yaw_ay}, {"roll_ax", 0x178, 8, roll_ax}, {"az", 0x17C, 8, az}};
-// The ranges are the ranges of the fields. No data sheet was at hand: the noise is of the order of similar sensors.
+// No data sheet was at hand. The ranges are the largest values that the fields can hold, and the noise has the order
+// of magnitude of the noise of similar sensors.
 constexpr SignalProduct bosch_mm5_table = {.messages = messages,
                                            .gyro_noise = 0.01 * units::degree,
                                            .gyro_max = 163 * units::degree,

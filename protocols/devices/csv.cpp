@@ -82,7 +82,7 @@ class CsvDecoder final : public Decoder {
 
 extern constexpr Protocol csv_protocol = {
     .name = "csv",
-    .summary = "rows of text, with a header row first: what imu-decode prints",
+    .summary = "rows of text, with a header row first: what imu-decode prints, with inclinometers by --inclination",
     .link = Link::bytes,
     .document = "protocols/measurements/measurement_csv.hpp",
     .settings = settings,

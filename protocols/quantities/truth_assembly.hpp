@@ -13,8 +13,9 @@
 
 namespace imud {
 
-// The settings of every format whose truths a TruthAssembly makes. `level`: whether its local level is
-// north-east-down or east-north-up; `body`: whether its body axes are front-right-down or front-left-up.
+// Settings of formats whose truths a TruthAssembly makes. A format has a setting where its data leave the choice
+// open. `level` chooses a local level of north-east-down or east-north-up, `body` body axes of front-right-down or
+// front-left-up, and `accumulated_dv` the axes in which the accumulated velocity was summed.
 inline constexpr std::string_view level_choices[] = {"ned", "enu"};
 inline constexpr std::string_view body_choices[] = {"frd", "flu"};
 inline constexpr Setting level_setting = text_setting(

@@ -114,8 +114,9 @@ class Quantities {
   Vector3 acceleration_E() const noexcept { return to_E(acceleration_L()); }
   Vector3 linear_E() const noexcept { return to_E(linear_L()); }
   // The mode and the bit of a fix. A VN-300 also has the bits of its two antennas. Where the receivers measure a
-  // heading (Sample::antennas()), the compass works while there is one, and its bit of an aid is the filter's.
-  // Otherwise the compass works with a fix, and its heading aids a filter that is aligned.
+  // heading (Sample::antennas()), the compass works while there is one. The bit of its aid is set while the filter
+  // uses it, or, without a filter, while it works. Otherwise the compass works with a fix, and its heading aids a
+  // filter that is aligned.
   std::uint16_t ins_status() const noexcept {
     constexpr unsigned fix_bit = 0x0004, heading_bit = 0x0100, compass_bit = 0x0200;
     const bool is_fixed = r_.model.receivers > 0 && s_.fix().is_known;

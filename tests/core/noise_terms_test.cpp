@@ -99,7 +99,8 @@ const std::vector<Term>& terms() {
   return all;
 }
 
-// Compares at three averaging times with at least 700 pairs each. `tolerance`, relative, is that of the formula.
+// Compares the Allan variance with `expected` at three averaging times, each with more than 700 pairs of averages.
+// `tolerance` is the relative error of the formula.
 void compare(const std::string& name, const TriadErrors& errors, const std::function<double(double)>& expected,
              double rate_hz, const std::array<double, 3>& taus, double tolerance = 0) {
   const std::vector<std::vector<double>> axes = increments_of(errors, rate_hz);

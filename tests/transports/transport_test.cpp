@@ -1,4 +1,4 @@
-// The properties that the entries of the table declare.
+// What the entries of the table of transports declare, and the entry that the name of a file selects.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 

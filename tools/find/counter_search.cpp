@@ -247,9 +247,10 @@ bool may_be_length(const FoundMessage& message, const FoundLength& length) {
   return true;
 }
 
-// Finds the bytes that a length counts. The most usual ranges are tried first: the bytes behind the length, or
-// behind a check or two that follow the length, up to a check or the end of the frame; then the whole frame; then
-// other ranges. Returns how usual the range is; 0 if no range fits.
+// Finds the bytes that a length counts. The most usual ranges are tried first: these begin behind the length, or
+// behind a check or two that follow the length. Ranges from the begin of the frame are next, and others last. Every
+// range ends at a check, where the range of a check ends, or at the end of the frame. Returns 3 for the most usual
+// ranges, then 2 and 1; 0: no range fits.
 int find_counted(const FoundMessage& message, FoundLength& length) {
   const std::uint64_t counted = length_at(message, length);
   std::vector<std::size_t> ends = {message.length}, behind = {length.at + length.size};

@@ -280,7 +280,7 @@ class FieldSearch {
                   place.first.type.bytes, false);
   }
 
-  // Other vectors along the specific force.
+  // Adds the other vectors that have the direction of the specific force.
   void add_along() {
     for (std::size_t i = 1; i < gravities_.size(); ++i) {
       const Gravity& one = gravities_[i];
@@ -288,7 +288,7 @@ class FieldSearch {
       std::array<bool, 3> is_negative{};
       const auto axis = axes_along(one.fit, force.fit, is_negative);
       if (!axis || !named_.contains({force.place.first.message, VectorQuantity::specific_force})) continue;
-      // The vector is the same number in another message, or increments.
+      // Such a vector is the specific force once more, or has increments of the velocity.
       constexpr double alike = 0.01;
       const bool is_same = one.place.first.type.format == force.place.first.type.format &&
                            std::abs(one.fit.norm / force.fit.norm - 1) < alike;

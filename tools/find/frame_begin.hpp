@@ -1,8 +1,9 @@
 // choose_begin: decides where the frames of a split begin.
 //
-// A split has the lengths of frames, and an anchor in each. Between the end of the bytes that a check is of, or of
-// the check, and the next byte that varies there are constant bytes: of these, the first may end a frame, and the
-// others begin the next one.
+// A split has the length of each frame and an anchor in it, but not the place where the frame begins. The last bytes
+// of a frame that can be known are a check, or bytes that a check covers. Constant bytes follow, up to the next byte
+// that varies. The first of the constant bytes may belong to the end of that frame; the others are the header of the
+// next one.
 #pragma once
 
 #include <cstddef>

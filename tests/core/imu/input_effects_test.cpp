@@ -178,7 +178,7 @@ TEST(IncrementRounding, LosesNothing) {
   EXPECT_GT(counts, 100'000);
 }
 
-// The table of the errors in core/README.md is the list of the code.
+// The table of the errors in core/README.md has the names of TriadEffects.
 TEST(TriadEffects, AreThoseOfTheReadme) {
   std::ifstream file(IMUD_SOURCE_DIR "/core/README.md");
   std::vector<std::string> documented;

@@ -39,7 +39,8 @@ TEST(PoseFit, NeedsNoUniformTimes) {
   }
 }
 
-// A velocity is differentiated once: at a float32's resolution that is much better than a position twice.
+// The acceleration is one derivative of the velocity, but two of the position. With values of float32 resolution the
+// velocity therefore gives a much smaller error.
 TEST(PoseFit, PrefersTheVelocity) {
   const PoseMotion& motion = find_pose_motion("spiral");
   auto poses = poses_of(motion, 100, 5s, true);

@@ -119,7 +119,8 @@ TEST_F(FilterConfig, APresetHasItsBandwidth) {
   EXPECT_FALSE(imu("native", {"model=\"white\""}).model.gyro.filter.is_on());
 }
 
-// Where the filter of a preset does not act, its taps do not act either; taps of the configuration do.
+// If the low-pass filter of a preset does not act, the FIR taps of the preset do not act either. FIR taps that the
+// configuration states always act.
 TEST_F(FilterConfig, TheTapsOfAPresetGoWithItsFilter) {
   std::ofstream(folder_ / "taps.toml")
       << "[imu]\ninternal_rate_hz = 2000\n[imu.gyro]\nmax_deg_per_s = 400\nlow_pass_hz = 300\nfir_taps = [0.5, 0.5]\n"
@@ -132,7 +133,7 @@ TEST_F(FilterConfig, TheTapsOfAPresetGoWithItsFilter) {
   EXPECT_EQ(taps(fast.gyro.fir_taps), Taps({0.5, 0.5}));
   EXPECT_EQ(taps(fast.accelerometer.fir_taps), Taps({0.25, 0.75}));
   EXPECT_EQ(taps(fast.magnetometer.fir_taps), Taps({0.75, 0.25}));
-  // At less than twice its bandwidth, its filter does not act.
+  // The sample rate is less than twice the bandwidth of the preset's filter: the filter does not act.
   const ImuModel slow = imu("native", {model, "gyro.fir_taps=[1,2]"}).model;
   EXPECT_FALSE(slow.accelerometer.filter.is_on());
   EXPECT_EQ(taps(slow.accelerometer.fir_taps), Taps());
