@@ -112,6 +112,11 @@ int execute(int argc, const char* const* argv) {
   app.require_subcommand(1);
   Arguments arguments;
   std::uint64_t record_max_mb = 0;
+  // Commands with many options have them only if their names are given, or `help` may look for a word in them: to
+  // make them takes a tenth of a start.
+  const std::vector<std::string> given = command_words(argc, argv);
+  const auto is_given = [&](const char* command) { return std::ranges::find(given, command) != given.end(); };
+  const bool is_help = argc > 1 && std::string_view(argv[1]) == "help";
 
   const auto with_set = [&](CLI::App* command) {
     add(*command, "--set", arguments.overrides, "KEY=VALUE",
@@ -182,39 +187,40 @@ int execute(int argc, const char* const* argv) {
     auto* quiet = command->add_flag("-q,--quiet", arguments.quiet, "Log warnings and errors only");
     command->add_flag("-v,--verbose", arguments.verbose, "Log details, too")->excludes(quiet);
   };
+  const auto with_replay = [&](CLI::App* command) {
+    with_run(command, false);
+    command
+        ->add_option("CAPTURE", arguments.capture,
+                     "X.pcap, X.pcap?port=N, or a file of any name with records of truth.format, X.csv; each may be "
+                     "compressed, X.pcap.gz or X.csv.zst; - is standard input; or a record, whose run is repeated "
+                     "(its truth alone as record:X.pcapng)")
+        ->required();
+    command->add_flag("--fast", arguments.fast, "As fast as the processor can, not in real time");
+    command
+        ->add_option_function<std::string>(
+            "--seeds", [&](const std::string& text) { arguments.seeds.seeds = SeedRange::parse(text); },
+            "Replay --fast once for each seed, in processes that share the cores; the imus' ports have {seed} in "
+            "their names, such as file:imu1_{seed}.bin")
+        ->type_name("FIRST..LAST")
+        ->check([](const std::string& text) {
+          return SeedRange::parse(text) ? std::string()
+                                        : "give a seed or a range of at most ten million, such as 1..1000";
+        });
+    add(*command, "--threads", arguments.run.threads, "N",
+        "Threads of one replay with --fast: with 2 the frames are made, with 3 the capture is decoded beside the "
+        "model, too; the bytes are the same (3; on one processor 1)")
+        ->check(CLI::Range(1U, 3U));
+    add(*command, "--jobs", arguments.seeds.jobs, "N",
+        "Processes for the seeds and, if they are more than those, for the imus (the processors)")
+        ->check(CLI::Range(1, 1024));
+    add(*command, "--npy", arguments.seeds.npy, "FILE",
+        "Open no port, and write the measurements as an array of (seeds, measurements), and the truth at "
+        "them; {imu} in the name is the imu's");
+  };
   auto* run_command = app.add_subcommand("run", "Emulate until SIGINT or SIGTERM");
-  with_run(run_command, true);
+  if (is_given("run") || is_help) with_run(run_command, true);
   auto* replay_command = app.add_subcommand("replay", "Emulate from a captured truth stream, to its end");
-  with_run(replay_command, false);
-  replay_command
-      ->add_option(
-          "CAPTURE", arguments.capture,
-          "X.pcap, X.pcap?port=N, or a file of any name with records of truth.format, X.csv; each may be compressed, "
-          "X.pcap.gz or X.csv.zst; - is standard input; or a record, whose run is repeated "
-          "(its truth alone as record:X.pcapng)")
-      ->required();
-  replay_command->add_flag("--fast", arguments.fast, "As fast as the processor can, not in real time");
-  replay_command
-      ->add_option_function<std::string>(
-          "--seeds", [&](const std::string& text) { arguments.seeds.seeds = SeedRange::parse(text); },
-          "Replay --fast once for each seed, in processes that share the cores; the imus' ports have {seed} in their "
-          "names, such as file:imu1_{seed}.bin")
-      ->type_name("FIRST..LAST")
-      ->check([](const std::string& text) {
-        return SeedRange::parse(text) ? std::string()
-                                      : "give a seed or a range of at most ten million, such as 1..1000";
-      });
-  add(*replay_command, "--threads", arguments.run.threads, "N",
-      "Threads of one replay with --fast: with 2 the frames are made, with 3 the capture is decoded beside the "
-      "model, "
-      "too; the bytes are the same (3; on one processor 1)")
-      ->check(CLI::Range(1U, 3U));
-  add(*replay_command, "--jobs", arguments.seeds.jobs, "N",
-      "Processes for the seeds and, if they are more than those, for the imus (the processors)")
-      ->check(CLI::Range(1, 1024));
-  add(*replay_command, "--npy", arguments.seeds.npy, "FILE",
-      "Open no port, and write the measurements as an array of (seeds, measurements), and the truth at "
-      "them; {imu} in the name is the imu's");
+  if (is_given("replay") || is_help) with_replay(replay_command);
   auto* check_command = app.add_subcommand("check", "List every fault of a configuration, or show what it would run");
   with_config(check_command, true);
   check_command->add_option(
@@ -264,9 +270,8 @@ int execute(int argc, const char* const* argv) {
   const CLI::App* init_command = add_init_command(app, init_options);
 
   RunCommands run_commands(app);
-  const std::vector<std::string> given = command_words(argc, argv);
-  CampaignCommands campaign_commands(app, !given.empty() && given.front() == "campaign");
-  RackCommands rack_commands(app, !given.empty() && given.front() == "rack");
+  CampaignCommands campaign_commands(app, is_given("campaign"));
+  RackCommands rack_commands(app, is_given("rack"));
 
   app.add_subcommand("help", "Show the help of imud, that of a command, or what is known of a key or a word")
       ->add_option("TOPIC",
@@ -276,8 +281,7 @@ int execute(int argc, const char* const* argv) {
       "Example: imud check imu.toml && imud run imu.toml --for 10\n"
       "Every key: imud.toml(5), or emulator/CONFIGURATION.md in the source and, installed, in share/imud");
 
-  if (given.size() == 2 && std::string_view(argv[1]) == "help" && is_topic(app, argv[2]))
-    return help_topic(app, argv[2]);
+  if (given.size() == 2 && is_help && is_topic(app, argv[2])) return help_topic(app, argv[2]);
   if (const std::string fault = unknown_command(app, given); !fault.empty()) {
     fmt::print(stderr, "imud: {}\n", fault);
     return 2;
