@@ -158,13 +158,12 @@ void check_imus_together(const std::vector<ImuConfig>& imus, const std::string& 
 }
 
 void set_collecting(std::vector<ImuConfig>& imus) {
-  const auto bus_of = [](const std::string& port) { return port.substr(0, port.find('?')); };
   std::map<std::string, int> senders;
   for (const ImuConfig& imu : imus) {
-    ++senders[bus_of(imu.port)];
-    for (const std::string& copy : imu.also) ++senders[bus_of(copy)];
+    ++senders[address_of(imu.port)];
+    for (const std::string& copy : imu.also) ++senders[address_of(copy)];
   }
-  for (ImuConfig& imu : imus) imu.port_settings.collects = senders[bus_of(imu.port)] == 1;
+  for (ImuConfig& imu : imus) imu.port_settings.collects = senders[address_of(imu.port)] == 1;
 }
 
 void check_new_ports(const Config& now, const Config& next) {
