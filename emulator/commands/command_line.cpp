@@ -115,8 +115,10 @@ int execute(int argc, const char* const* argv) {
   // Commands with many options have them only if their names are given, or `help` may look for a word in them: to
   // make them takes a tenth of a start.
   const std::vector<std::string> given = command_words(argc, argv);
-  const auto is_given = [&](const char* command) { return std::ranges::find(given, command) != given.end(); };
   const bool is_help = argc > 1 && std::string_view(argv[1]) == "help";
+  const auto has_options = [&](const char* command) {
+    return is_help || std::ranges::find(given, command) != given.end();
+  };
 
   const auto with_set = [&](CLI::App* command) {
     add(*command, "--set", arguments.overrides, "KEY=VALUE",
@@ -218,9 +220,9 @@ int execute(int argc, const char* const* argv) {
         "them; {imu} in the name is the imu's");
   };
   auto* run_command = app.add_subcommand("run", "Emulate until SIGINT or SIGTERM");
-  if (is_given("run") || is_help) with_run(run_command, true);
+  if (has_options("run")) with_run(run_command, true);
   auto* replay_command = app.add_subcommand("replay", "Emulate from a captured truth stream, to its end");
-  if (is_given("replay") || is_help) with_replay(replay_command);
+  if (has_options("replay")) with_replay(replay_command);
   auto* check_command = app.add_subcommand("check", "List every fault of a configuration, or show what it would run");
   with_config(check_command, true);
   check_command->add_option(
@@ -270,8 +272,8 @@ int execute(int argc, const char* const* argv) {
   const CLI::App* init_command = add_init_command(app, init_options);
 
   RunCommands run_commands(app);
-  CampaignCommands campaign_commands(app, is_given("campaign"));
-  RackCommands rack_commands(app, is_given("rack"));
+  CampaignCommands campaign_commands(app, has_options("campaign"));
+  RackCommands rack_commands(app, has_options("rack"));
 
   app.add_subcommand("help", "Show the help of imud, that of a command, or what is known of a key or a word")
       ->add_option("TOPIC",

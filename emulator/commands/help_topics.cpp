@@ -50,19 +50,16 @@ std::size_t print_found(std::string_view title, const std::vector<Found>& all, c
   return count;
 }
 
-std::vector<Found> options_of(const CLI::App& app) {
-  std::vector<Found> all;
-  for (const CLI::App* command : app.get_subcommands({}))
+// Adds the commands below `app`, whose own name is `name`, and their options.
+void add_commands(const CLI::App& app, const std::string& name, std::vector<Found>& commands,
+                  std::vector<Found>& options) {
+  for (const CLI::App* command : app.get_subcommands({})) {
+    const std::string whole = name + " " + command->get_name();
+    commands.push_back({whole, command->get_description()});
     for (const CLI::Option* option : command->get_options())
-      all.push_back({fmt::format("imud {} {}", command->get_name(), option->get_name()), option->get_description()});
-  return all;
-}
-
-std::vector<Found> commands_of(const CLI::App& app) {
-  std::vector<Found> all;
-  for (const CLI::App* command : app.get_subcommands({}))
-    all.push_back({"imud " + command->get_name(), command->get_description()});
-  return all;
+      options.push_back({whole + " " + option->get_name(), option->get_description()});
+    add_commands(*command, whole, commands, options);
+  }
 }
 
 template <class Entry>
@@ -136,8 +133,10 @@ int help_topic(const CLI::App& app, const std::string& topic) {
     for (const std::string& one : rows[i].keys)
       if (!has(keys[i], key) && boost::icontains(one, key)) keys[i].name = one;
   std::size_t count = print_found("keys, of which imud help KEY explains one", keys, key);
-  count += print_found("commands", commands_of(app), topic);
-  count += print_found("options", options_of(app), topic);
+  std::vector<Found> commands, options;
+  add_commands(app, "imud", commands, options);
+  count += print_found("commands", commands, topic);
+  count += print_found("options", options, topic);
   count += print_found("names that imud list explains", names, topic);
   count += print_found("simulators, for imud init", simulator_names(), topic);
   count += print_found("kinds of faults, for [[fault]]: imud list faults", fault_kind_names(), topic);

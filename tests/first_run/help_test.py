@@ -89,6 +89,7 @@ class HelpTest(unittest.TestCase):
         for found in ("options\n", "  imud run --wait-for-reader ", "  imu.also "):
             self.assertIn(found, text)
         self.assertIn("  imud replay --seeds ", self.explained("--seeds"))
+        self.assertIn("  imud campaign run --case ", self.explained("whole shards"))
         self.assertIn("  gazebo ", self.explained("gz topic"))
         self.assertIn("  imud pty ", self.explained("pseudo"))
         # A key is found by its own name where it is not the first of its row.
