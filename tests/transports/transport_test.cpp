@@ -1,4 +1,5 @@
-// What the entries of the table of transports declare, and the entry that the name of a file selects.
+// These tests compare each transport with what its entry in the table declares, and see which one a file's name
+// selects.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
