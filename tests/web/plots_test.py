@@ -236,8 +236,9 @@ def check_solution(browser):
         return [y for _, y in plot(browser, 'Error² / σ² of tail "left": ', part)["curves"][""][-5:] if y is not None]
 
     wait_until("their squares", lambda: square() and all(0 < y < 60 for y in square()))
-    aids = plot(browser, 'Aids of tail "left": ', part)["curves"]
-    assert any(y == 1 for _, y in aids["gnss_position"]) and all(y == 0 for _, y in aids["antennas_heading"] if y is not None), aids
+    aids = lambda name: [y for _, y in plot(browser, 'Aids of tail "left": ', part)["curves"][name] if y is not None]  # noqa: E731
+    wait_until("an aid in use", lambda: 1 in aids("gnss_position"))
+    assert set(aids("antennas_heading")) == {0}, aids("antennas_heading")
     assert plot(browser, "Error of attitude") is None, "imu1 has no filter"
     browser.execute_script("document.querySelector(arguments[0]).scrollIntoView()", f"{part} .plots")
     browser.save_screenshot(str(pictures / "solution.png"))
@@ -318,10 +319,10 @@ def check_marks(browser):
         wait_for_shade(browser, "unsent", 1)
         for name in ("imu1", 'tail \\"left\\"'):  # the second one is closed
             wait_until(f"words of {name}", lambda: text(browser, f'[data-imu="{name}"] .state') == "nothing sent: no truth")
-        assert text(browser, f"{IMU1} .values caption").startswith("Nothing is sent: no truth, at "), text(browser, f"{IMU1} .values caption")
+        wait_until("the caption", lambda: text(browser, f"{IMU1} .values caption").startswith("Nothing is sent: no truth, at "))
         check_not_sent(browser)
-        rows = {row["name"]: row["marks"] for row in plot(browser, "Rate x", "#together")["rows"]}
-        assert list(rows) == ["imu1", 'tail "left"'] and all({"held", "unsent"} <= set(marks) for marks in rows.values()), rows
+        marks = lambda: {row["name"]: set(row["marks"]) for row in plot(browser, "Rate x", "#together")["rows"]}  # noqa: E731
+        wait_until("both marks of both imus", lambda: list(marks()) == ["imu1", 'tail "left"'] and all({"held", "unsent"} <= of for of in marks().values()))
     finally:
         imud.truth.send_signal(signal.SIGCONT)
     call("set", **{"truth.extrapolate_ms": 100, "truth.when_stopped": "hold"})
