@@ -1,0 +1,113 @@
+#!/usr/bin/env python3
+"""Figures of two builds of imud side by side: `--fast` replays, the start of a process, and memory.
+
+usage: two_builds.py BUILD OTHER [ROUNDS]
+
+BUILD and OTHER are build folders, with imud, imu-truth and tests/imud_benchmark in BUILD and imud in OTHER. Each round runs
+both builds, one after the other, the first of them by turns; a figure is the median of the rounds, and the ratio the
+median of the rounds' ratios. Not a test: it takes some seven minutes for ten rounds, on a machine with nothing else to do.
+"""
+import json
+import os
+import pathlib
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+
+if len(sys.argv) < 3:
+    sys.exit(__doc__)
+build, other = (pathlib.Path(folder).resolve() for folder in sys.argv[1:3])
+rounds = int(sys.argv[3]) if len(sys.argv) > 3 else 10
+RATES = {"stim300": 2000, "vectornav": 800}  # a product's own; elsewhere 1 kHz
+RANGES = "gyro.max_rad_per_s = 100\naccelerometer.max_m_per_s2 = 1000\n"
+PRODUCTS = "native", "stim300", "mip", "vectornav", "dronecan", "csv"
+SHORT_S, LONG_S = 20, 120  # of the truth
+
+
+def spend(command):
+    """Runs it. Returns elapsed time and processor time, s, and the largest memory, MB."""
+    begin = time.monotonic()
+    with open(os.devnull, "w", encoding="utf-8") as null:
+        run = subprocess.Popen(command, stdout=null, stderr=null)
+        _, status, used = os.wait4(run.pid, 0)
+    if status != 0:
+        sys.exit(f"{' '.join(map(str, command))}: status {status}")
+    return time.monotonic() - begin, used.ru_utime + used.ru_stime, used.ru_maxrss / 1024
+
+
+def until_ready(imud):
+    """From exec to the line that says that imud is ready, s."""
+    begin = time.monotonic()
+    with subprocess.Popen([imud, "run", "live.toml"], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) as run:
+        ready = next((line for line in run.stderr if " ready" in line), None)
+        took = time.monotonic() - begin
+        run.terminate()
+        if ready is None:
+            sys.exit(f"{imud} run has not become ready")
+    return took
+
+
+def write_configurations():
+    for product in PRODUCTS:
+        port = "canfile:/dev/null" if product == "dronecan" else "file:/dev/null"
+        pathlib.Path(f"{product}.toml").write_text(
+            f'clock = "fast"\n[truth]\nport = "file:truth.csv"\nformat = "csv"\n[[imu]]\nprotocol = "{product}"\n'
+            f'port = "{port}"\n' + ("" if product in RATES else "rate_hz = 1000\n") +
+            (RANGES if product in ("native", "csv") else ""), encoding="utf-8")
+    pathlib.Path("live.toml").write_text(
+        '[truth]\nport = "udp:127.0.0.1:0"\n[realtime]\npriority = 0\nlock_memory = false\n[control]\nsocket = "none"\n'
+        '[[imu]]\nprotocol = "stim300"\nport = "file:/dev/null"\n', encoding="utf-8")
+
+
+def compare(name, measure, show):
+    """`measure` is called with the imud of each build; `show` makes words of a figure."""
+    figures = {build: [], other: []}
+    for i in range(rounds):
+        for one in (build, other) if i % 2 == 0 else (other, build):
+            figures[one].append(measure(one / "imud"))
+    ratio = statistics.median(a / b for a, b in zip(figures[build], figures[other]))
+    print(f"  {name:<34} {show(statistics.median(figures[build])):>12} {show(statistics.median(figures[other])):>12} "
+          f"{ratio:6.2f}", flush=True)
+
+
+def per_second(product, which):
+    """Samples per second of `--fast`, without the start: `which` is 0 for elapsed, 1 for processor time."""
+    def measure(imud):
+        short, long = (spend([imud, "replay", f"{product}.toml", f"file:{s}.csv", "--fast", "-q"])[which]
+                       for s in (SHORT_S, LONG_S))
+        return (LONG_S - SHORT_S) * RATES.get(product, 1000) / (long - short)
+    return measure
+
+
+def model_alone(product):
+    """Samples per second of the model of that configuration alone, with its truths, in one thread of BUILD."""
+    run = subprocess.run([build / "tests/imud_benchmark", "--benchmark_filter=^config_model$", "--benchmark_min_time=0.5",
+                          "--benchmark_format=json"], check=True, capture_output=True, text=True,
+                         env=os.environ | {"IMUD_CONFIG": f"{product}.toml", "IMUD_CAPTURE": f"file:{SHORT_S}.csv"})
+    return 1e9 / json.loads(run.stdout)["benchmarks"][0]["cpu_time"]
+
+
+with tempfile.TemporaryDirectory() as folder:
+    os.chdir(folder)
+    write_configurations()
+    for s in (SHORT_S, LONG_S, 10 * LONG_S):
+        spend([build / "imu-truth", "coning", "--rate", "100", "--for", str(s), "--csv", f"{s}.csv"])
+    print(f"Medians of {rounds} rounds: BUILD, OTHER, ratio")
+    print("Fast replay of truth at 100 Hz as CSV, M samples/s")
+    for product in PRODUCTS:
+        million = lambda figure: f"{figure / 1e6:.2f}"  # noqa: E731
+        compare(f"{product}, of elapsed time", per_second(product, 0), million)
+        compare(f"{product}, of processor time", per_second(product, 1), million)
+        alone = statistics.median(model_alone(product) for _ in range(rounds))
+        print(f"    its model alone, one thread        {million(alone):>12}", flush=True)
+    print("Start, ms")
+    ms = lambda figure: f"{1000 * figure:.1f}"  # noqa: E731
+    compare("imud list", lambda imud: spend([imud, "list"])[0], ms)
+    compare("imud check, of a stim300", lambda imud: spend([imud, "check", "live.toml"])[0], ms)
+    compare("from exec to ready, a stim300", until_ready, ms)
+    print("Largest memory, MB")
+    for s in (SHORT_S, 10 * LONG_S):
+        compare(f"replay of {pathlib.Path(f'{s}.csv').stat().st_size / 1e6:.0f} MB",
+                lambda imud: spend([imud, "replay", "native.toml", f"file:{s}.csv", "--fast", "-q"])[2], "{:.1f}".format)
