@@ -5,7 +5,9 @@
 #include "core/attitude.hpp"
 #include "core/gps_time.hpp"
 #include "core/navigation/azimuth.hpp"
+#include "core/numbers/dispatch.hpp"
 #include "core/numbers/elementary.hpp"
+#include "core/numbers/lane_rotation.hpp"
 #include "core/numbers/plus_zero.hpp"
 #include "core/units.hpp"
 #include "protocols/mip/field_table.hpp"
@@ -52,7 +54,7 @@ bool fits_a_packet(const Model& model, const Stream& stream) noexcept {
   return size <= longest - header_size - checksum_size;
 }
 
-void Fields::set_sample(const Sample& sample) noexcept {
+IMUD_DISPATCHED void Fields::set_sample(const Sample& sample) noexcept {
   const Configuration& c = memory_.active();
   const Quaternion q_VP = c.q_PV.conjugate();
   // Most units are not turned. A rotation by the identity only adds zeros, which may change the sign of a zero, but
@@ -76,8 +78,9 @@ void Fields::set_sample(const Sample& sample) noexcept {
   sample_.rate = in_V(sample.rate - c.gyro_bias);
   sample_.specific_force = in_V(sample.specific_force - c.accelerometer_bias);
   sample_.magnetic_field = in_V(requests_.aids.compensated(sample.magnetic_field));
-  sample_.q_LP = sample.q_LP * c.q_PV;
-  if (!sample.solution || sample.solution->since_epoch == 0) antennas_q_LV_ = antennas_attitude(sample) * c.q_PV;
+  sample_.q_LP = quaternion_of(product(lanes(sample.q_LP), lanes(c.q_PV)));
+  if (!sample.solution || sample.solution->since_epoch == 0)
+    antennas_q_LV_ = sample.antennas() == nullptr ? sample_.q_LP : antennas_attitude(sample) * c.q_PV;
   sample_.delta_angle = in_V(sample.delta_angle - c.gyro_bias / internal_hz);
   sample_.delta_velocity = in_V(sample.delta_velocity - c.accelerometer_bias / internal_hz);
   if (!filter_began_ && has_pulse(sample.time)) filter_began_ = sample.time;
