@@ -28,7 +28,10 @@ std::string rates(const StreamStatistics& statistics) {
   if (const auto hz = statistics.device().hz()) text += fmt::format("{:.3f} Hz (device clock)", *hz);
   if (const auto hz = statistics.arrival().hz())
     text += fmt::format("{}{:.3f} Hz (arrival)", text.empty() ? "" : ", ", *hz);
-  return text.empty() ? "unknown: too few samples with a time" : text;
+  if (!text.empty()) return text;
+  return statistics.samples() < 2 || duration_s(statistics)
+             ? "unknown: too few samples with a time"
+             : "unknown: neither the samples nor the input carry a time";
 }
 
 nlohmann::json number_or_null(std::optional<double> number) {

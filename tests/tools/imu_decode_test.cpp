@@ -42,6 +42,18 @@ TEST(ImuDecode, DecodesAFile) {
             "checksum   0 failures, 0 malformed, 0 incomplete, 0 bytes skipped\n");
 }
 
+TEST(ImuDecode, SaysWhyTheRateIsUnknown) {
+  const ScratchFolder folder;
+  const auto report_of = [&](const std::string& protocol, int samples) {
+    return run_program("imu-decode", {protocol, file_with(folder, bytes_of(protocol, steady_samples(samples, 2000)))})
+        .errors;
+  };
+  const std::string one = report_of("native", 1), without_time = report_of("stim300", 4000);
+  EXPECT_TRUE(contains(one, "rate       unknown: too few samples with a time\n")) << one;
+  EXPECT_TRUE(contains(without_time, "rate       unknown: neither the samples nor the input carry a time\n"))
+      << without_time;
+}
+
 TEST(ImuDecode, ReportsGapsAndChecksumFailures) {
   const ScratchFolder folder;
   auto frames = frames_of("native", steady_samples(1000, 100));
