@@ -14,10 +14,12 @@ DECODE = pathlib.Path(sys.argv.pop(1)).resolve().parent / "imu-decode"
 
 class DecodeTest(unittest.TestCase):
     def refused(self, *words):
-        with tempfile.TemporaryDirectory() as folder:
+        with tempfile.TemporaryDirectory() as outer:
+            folder = pathlib.Path(outer).resolve() / "here"
+            folder.mkdir()
             done = subprocess.run([DECODE, *words], cwd=folder, capture_output=True, text=True)
         self.assertEqual((done.returncode, done.stdout), (2, ""))
-        return done.stderr, str(pathlib.Path(folder).resolve())
+        return done.stderr, folder
 
     def test_a_product(self):
         self.assertIn("vn-100 is a product of the protocol vectornav; give vectornav pty:imu1 --set model=vn-100",
@@ -43,7 +45,7 @@ port = "file:imu.bin"
     def test_a_link_that_is_in_another_folder(self):
         said, folder = self.refused("vectornav", "pty:../x/imu1")
         self.assertIn("is the process running that serves it?", said)
-        self.assertIn(f"It was looked for at {pathlib.Path(folder).parent}/x/imu1; give an absolute path", said)
+        self.assertIn(f"It was looked for at {folder.parent}/x/imu1; give an absolute path", said)
         said, _ = self.refused("vectornav", "pty:/nowhere/imu1")
         self.assertTrue(said.endswith("looked for at /nowhere/imu1\n"), said)
 
