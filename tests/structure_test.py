@@ -205,6 +205,42 @@ for folder, suffix in (("arrays", "row_format"), ("input", "log_format"), ("trut
 if entries < 9:
     faults.append(f"tools: only {entries} entries of tables were found")
 
+# The other files of transports are no entries. A product in a folder of its own has its entry in device.cpp.
+entries = 0
+for path in sorted((root / "transports").glob("*.cpp")):
+    for stem, name in re.findall(r"^extern constexpr Transport (\w+)_transport = \{\s*\.name = \"([^\"]+)\"", path.read_text(), re.MULTILINE):
+        entries += 1
+        if stem != path.stem or name != keyword_of(stem):
+            faults.append(f"{path.relative_to(root)}: its entry {stem}_transport is named \"{name}\", not as the file")
+if entries < 14:
+    faults.append(f"transports: only {entries} entries were found")
+for path in sorted((root / "protocols").glob("*/*.cpp")):
+    if path.parent.name not in ("devices", "truth_formats") and path.name != "device.cpp" and re.search(
+            r"^(extern )?constexpr (Protocol|TruthFormat) \w+ = ", path.read_text(), re.MULTILINE):
+        faults.append(f"{path.relative_to(root)}: has an entry, which no table has: it belongs into device.cpp")
+
+# Numbers that stand for something, in random streams and in records: no two are equal.
+def numbers_of(path, enum):
+    """The enumerators with their numbers."""
+    body = re.search(rf"enum class {enum}\b[^{{]*\{{(.*?)\n *\}};", (root / path).read_text(), re.DOTALL)[1]
+    return [(name, int(number)) for name, number in re.findall(r"^ *(\w+) = (\d+),", body, re.MULTILINE)]
+
+
+for path, enum, least in (("core/numbers/random.hpp", "Quantity", 9), ("core/numbers/random.hpp", "Process", 25),
+                          ("core/effects/drawn_errors.cpp", "Draw", 13), ("emulator/imu/command.hpp", "Kind", 19)):
+    listed = numbers_of(path, enum)
+    if len(listed) < least or len({number for _, number in listed}) != len(listed):
+        faults.append(f"{path}: {enum} has {len(listed)} enumerators, of at least {least}, with {len({n for _, n in listed})} numbers")
+for name, number in numbers_of("core/numbers/random.hpp", "Process"):
+    if 32 <= number < 64 and name != "flicker":
+        faults.append(f"core/numbers/random.hpp: {name} has the number {number} of an octave of flicker")
+
+# The dissector of records has its own lists.
+dissector = (root / "tools/wireshark/imud.lua").read_text()
+shown = re.findall(r'"(\w+)"', re.search(r"local commands = \{(.*?)\}", dissector, re.DOTALL)[1])
+if shown != (kinds := [name for name, _ in numbers_of("emulator/imu/command.hpp", "Kind")]):
+    faults.append(f"tools/wireshark/imud.lua: its commands are not those of command.hpp: {set(shown) ^ set(kinds)}")
+
 # g++ 14 makes weak symbols of signal_protocol<NAME>, though NAME is in an anonymous namespace: with one name in two files
 # the linker takes one file's messages for both.
 tables = {}

@@ -33,7 +33,7 @@ local outcomes = {[0] = "nothing", "ignored", "accepted", "inserted", "new run"}
 local commands = {
   [0] = "mark", "power_off", "power_on", "power_cycle", "pause", "resume", "seed", "gyro_bias", "accelerometer_bias",
   "delay", "automatic_delay", "extrapolate", "when_stopped", "log_level", "fault_begin", "fault_end", "fault_clear",
-  "servo"
+  "servo", "reload"
 }
 -- What the three numbers of an event are, by its name; "-": it has no such number.
 local numbers = {
