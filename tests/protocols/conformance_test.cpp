@@ -168,6 +168,10 @@ TEST_P(Conformance, DescribesItself) {
     EXPECT_EQ(text.find('\n'), std::string_view::npos);
   }
   EXPECT_TRUE(protocol().has_checksum || protocol().burst_bits == 0);
+  // A product whose messages are described by signals counts those that saturate. Only `dbc` reports their number.
+  if (!protocol().counters.empty()) {
+    EXPECT_EQ(line_.device->counts().size(), protocol().counters.size());
+  }
 }
 
 TEST_P(Conformance, WhatIsDecodedIsWhatWasEncoded) {
