@@ -78,10 +78,10 @@ struct FaultKind {
 };
 
 // Returns true if `table`, the kinds of one seam, has exactly one kind for each of the `count` codes of that seam, in
-// their order.
+// their order, and no kind has more parameters than there is room for.
 constexpr bool has_every_code(std::span<const FaultKind> table, std::size_t count) noexcept {
   for (std::size_t i = 0; i < table.size(); ++i)
-    if (table[i].code.value() != i) return false;
+    if (table[i].code.value() != i || table[i].parameters.size() > FaultKind::max_parameters) return false;
   return table.size() == count;
 }
 
