@@ -1,5 +1,7 @@
 #include "core/effects/drawn_errors.hpp"
 
+#include <array>
+
 namespace imud {
 namespace {
 
@@ -22,6 +24,22 @@ enum class Draw : std::uint64_t {
 };
 constexpr std::uint64_t draws_of_a_power_on = 32;
 
+// The draws of the members of ConstantErrors, in the order of the members.
+constexpr std::array draws = {Draw::bias,
+                              Draw::scale_factor,
+                              Draw::scale_factor_asymmetry,
+                              Draw::quadratic,
+                              Draw::cubic,
+                              Draw::misalignment,
+                              Draw::g_sensitivity,
+                              Draw::temperature_scale,
+                              Draw::temperature_bias,
+                              Draw::temperature_rate_bias,
+                              Draw::temperature_hysteresis,
+                              Draw::cross_sensitivity,
+                              Draw::vibration_rectification};
+static_assert(draws.size() == constant_error_names.size(), "a member has no draw");
+
 // The deviates of one layer for one power on.
 struct Draws {
   const Normals& normals;
@@ -39,19 +57,10 @@ struct Draws {
     return drawn;
   }
   ConstantErrors all(const ConstantErrors& sigma) const noexcept {
-    return {.bias = of(Draw::bias, sigma.bias),
-            .scale_factor = of(Draw::scale_factor, sigma.scale_factor),
-            .scale_factor_asymmetry = of(Draw::scale_factor_asymmetry, sigma.scale_factor_asymmetry),
-            .quadratic = of(Draw::quadratic, sigma.quadratic),
-            .cubic = of(Draw::cubic, sigma.cubic),
-            .misalignment = of(Draw::misalignment, sigma.misalignment),
-            .g_sensitivity = of(Draw::g_sensitivity, sigma.g_sensitivity),
-            .temperature_scale = of(Draw::temperature_scale, sigma.temperature_scale),
-            .temperature_bias = of(Draw::temperature_bias, sigma.temperature_bias),
-            .temperature_rate_bias = of(Draw::temperature_rate_bias, sigma.temperature_rate_bias),
-            .temperature_hysteresis = of(Draw::temperature_hysteresis, sigma.temperature_hysteresis),
-            .cross_sensitivity = of(Draw::cross_sensitivity, sigma.cross_sensitivity),
-            .vibration_rectification = of(Draw::vibration_rectification, sigma.vibration_rectification)};
+    ConstantErrors drawn;
+    const Draw* draw = draws.data();
+    for_each_constant([&](auto& term, const auto& deviation) { term = of(*draw++, deviation); }, drawn, sigma);
+    return drawn;
   }
 };
 

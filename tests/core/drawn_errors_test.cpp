@@ -28,20 +28,8 @@ ConstantErrors sigmas() {
   const auto fill = [&](auto& term) {
     for (int i = 0; i < term.size(); ++i) term.data()[i] = 1e-3 * next++;
   };
-  fill(all.bias);
-  fill(all.scale_factor);
-  fill(all.scale_factor_asymmetry);
-  fill(all.quadratic);
-  fill(all.cubic);
-  fill(all.misalignment);
+  for_each_constant(fill, all);
   all.misalignment.diagonal().setZero();
-  fill(all.g_sensitivity);
-  fill(all.temperature_scale);
-  fill(all.temperature_bias);
-  fill(all.temperature_rate_bias);
-  fill(all.temperature_hysteresis);
-  fill(all.cross_sensitivity);
-  fill(all.vibration_rectification);
   return all;
 }
 
@@ -110,6 +98,19 @@ double mean(const Series& z) {
 }
 
 // 576 elements and three tests of each with a false alarm of 1e-7: 1.7e-4 in all.
+TEST(DrawnErrors, HaveANameForEachMember) {
+  ConstantErrors all;
+  std::size_t members = 0, size = 0;
+  for_each_constant(
+      [&](const auto& member) {
+        ++members;
+        size += sizeof member;
+      },
+      all);
+  EXPECT_EQ(size, sizeof all) << "for_each_constant() leaves a member out";
+  EXPECT_EQ(members, constant_error_names.size());
+}
+
 TEST(DrawnErrors, EachElementIsNormalWithItsStandardDeviation) {
   constexpr double false_alarm = 1e-7;
   const double n = seeds, bound = boost::math::quantile(complement(boost::math::normal(), 0.5 * false_alarm));
