@@ -44,8 +44,9 @@ class FaultBook {
     return {faults_.data(), size_.load(std::memory_order_acquire)};
   }
   // `number` was returned by add().
-  const FaultConfig& operator[](std::uint32_t number) const noexcept { return faults_.data()[number]; }
-  std::string_view text(std::uint32_t number) const noexcept { return texts_.data()[number - configured_]; }
+  const FaultConfig& operator[](std::uint32_t number) const noexcept { return all()[number]; }
+  // The size of the vector may change in add() meanwhile.
+  std::string_view text(std::uint32_t number) const noexcept { return *(texts_.data() + (number - configured_)); }
 
   // --- The thread that adds ---
   bool is_full() const noexcept { return !can_grow_ || faults_.size() == faults_.capacity(); }

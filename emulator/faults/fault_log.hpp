@@ -70,8 +70,8 @@ class FaultLog {
   }
 
   std::size_t size() const noexcept { return size_.load(std::memory_order_acquire); }
-  // `i` must be below a value that size() has returned.
-  const FaultEvent& operator[](std::size_t i) const noexcept { return events_.data()[i]; }
+  // `i` must be below a value that size() has returned. The size of the vector may change in add() meanwhile.
+  const FaultEvent& operator[](std::size_t i) const noexcept { return *(events_.data() + i); }
   std::uint64_t lost() const noexcept { return lost_.load(std::memory_order_relaxed); }
 
  private:
