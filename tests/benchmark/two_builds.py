@@ -23,7 +23,7 @@ rounds = int(sys.argv[3]) if len(sys.argv) > 3 else 10
 RATES = {"stim300": 2000, "vectornav": 800}  # a product's own; elsewhere 1 kHz
 RANGES = "gyro.max_rad_per_s = 100\naccelerometer.max_m_per_s2 = 1000\n"
 PRODUCTS = "native", "stim300", "mip", "vectornav", "dronecan", "csv"
-SHORT_S, LONG_S = 20, 120  # of the truth
+SHORT_S, LONG_S = 20, 320  # of the truth
 
 
 def spend(command):
