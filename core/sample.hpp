@@ -1,6 +1,7 @@
 // Sample: one output of the sensor model, in SI and in the sensor's platform axes P.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <cstring>
 #include <optional>
@@ -145,19 +146,24 @@ struct Sample {
   // Earth is unknown (EarthModel::Frame::none), N is taken as L.
   Quaternion q_LP = Quaternion::Identity();
   Navigation navigation;                     // the sensor's point S
-  std::optional<Solution> solution;          // nullopt: q_LP and navigation are the truth's, with NavigationErrors
   Vector3 magnetic_field = Vector3::Zero();  // T; 0 where the place is unknown
   double pressure = 0;                       // Pa; 0 if unknown
   std::optional<Vector3> inclination;        // m/s^2, the specific force by the inclinometers; nullopt: it has none
   std::uint32_t status = 0;                  // bits of namespace status
   std::int32_t stamp_error_ns = 0;           // the error of stamp()
+  std::optional<Solution> solution;          // nullopt: q_LP and navigation are the truth's, with NavigationErrors
 };
 
 // Copies a whole sample. An assignment has the same result, but copies each number alone, because Eigen's assignment
-// is not trivial.
+// is not trivial. The solution, nearly a half of the sample's size, is only copied where there is one.
 inline void copy(const Sample& from, Sample& to) noexcept {
-  static_assert(std::is_trivially_destructible_v<Sample>);
-  std::memcpy(static_cast<void*>(&to), &from, sizeof to);
+  static_assert(std::is_trivially_destructible_v<Sample> && std::is_standard_layout_v<Sample>);
+  if (from.solution) {
+    std::memcpy(static_cast<void*>(&to), &from, sizeof to);
+  } else {
+    std::memcpy(static_cast<void*>(&to), &from, offsetof(Sample, solution));
+    to.solution.reset();
+  }
 }
 
 // Sums of the increments of several samples, for products that send fewer samples than they take.
