@@ -5,13 +5,13 @@
 namespace imud {
 
 EncodingThread::EncodingThread(std::size_t channels, const std::atomic<bool>& stop) : stop_(stop) {
-  for (Batch& batch : ring_.batches()) batch.reserve(batch_size + channels);
+  for (Batch& batch : ring_.batches()) batch.items.reserve(batch_size + channels);
   thread_ = std::thread([this] { run(); });
 }
 
 EncodingThread::~EncodingThread() {
   finish();
-  ring_.next_free().clear();
+  ring_.next_free().count = 0;
   ring_.publish();
   thread_.join();
 }
@@ -26,13 +26,17 @@ bool EncodingThread::serves(std::span<const std::unique_ptr<Channel>> channels) 
 void EncodingThread::put(std::span<Channel* const> prepared) noexcept {
   if (filling_ == nullptr) {
     filling_ = &ring_.next_free();
-    filling_->clear();
+    filling_->count = 0;
   }
-  for (Channel* channel : prepared)
-    filling_->push_back({channel, channel->prepared, *channel->prepared.sample, channel == prepared.back()});
-  if (filling_->size() >= batch_size) return publish();
-  const auto* const ahead = reinterpret_cast<const char*>(filling_->data() + filling_->size() + 1);
-  for (std::size_t at = 0; at < sizeof(Item); at += 64) __builtin_prefetch(ahead + at, 1);
+  for (Channel* channel : prepared) {
+    if (filling_->count == filling_->items.size()) filling_->items.emplace_back();
+    Item& item = filling_->items[filling_->count++];
+    item.channel = channel;
+    item.is_last = channel == prepared.back();
+    item.outgoing = channel->prepared;
+    copy(*channel->prepared.sample, item.sample);
+  }
+  if (filling_->count >= batch_size) publish();
 }
 
 void EncodingThread::publish() noexcept {
@@ -48,11 +52,12 @@ void EncodingThread::finish() noexcept {
 void EncodingThread::run() noexcept {
   while (true) {
     Batch& batch = ring_.next_filled();
-    if (batch.empty()) return;
-    for (auto first = batch.begin(); first != batch.end();) {
-      const auto end = std::find_if(first, batch.end(), [](const Item& item) { return item.is_last; }) + 1;
-      send({first, end});
-      first = end;
+    if (batch.count == 0) return;
+    for (std::span<Item> left(batch.items.data(), batch.count); !left.empty();) {
+      const auto last = std::ranges::find_if(left, &Item::is_last);
+      const auto size = static_cast<std::size_t>(last - left.begin()) + 1;
+      send(left.first(size));
+      left = left.subspan(size);
     }
     ring_.give_back();
   }

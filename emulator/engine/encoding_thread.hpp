@@ -36,12 +36,16 @@ class EncodingThread {
 
  private:
   struct Item {
-    Channel* channel;
+    Channel* channel = nullptr;
+    bool is_last = false;  // of its instant
     Channel::Outgoing outgoing;
     Sample sample;
-    bool is_last;  // of its instant
   };
-  using Batch = std::vector<Item>;  // whole instants; empty: the end
+  // Whole instants. The items are used again, and written in their places.
+  struct Batch {
+    std::vector<Item> items;
+    std::size_t count = 0;  // of the items that are filled, the first ones; 0: the end
+  };
 
   void run() noexcept;
   void send(std::span<Item> instant) noexcept;
