@@ -227,7 +227,7 @@ def numbers_of(path, enum):
 
 
 for path, enum, least in (("core/numbers/random.hpp", "Quantity", 9), ("core/numbers/random.hpp", "Process", 25),
-                          ("core/effects/drawn_errors.cpp", "Draw", 13), ("emulator/imu/command.hpp", "Kind", 19)):
+                          ("emulator/imu/command.hpp", "Kind", 19)):
     listed = numbers_of(path, enum)
     if len(listed) < least or len({number for _, number in listed}) != len(listed):
         faults.append(f"{path}: {enum} has {len(listed)} enumerators, of at least {least}, with {len({n for _, n in listed})} numbers")

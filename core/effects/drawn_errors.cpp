@@ -1,44 +1,34 @@
 #include "core/effects/drawn_errors.hpp"
 
+#include <algorithm>
 #include <array>
+#include <cstdint>
+#include <functional>
 
 namespace imud {
 namespace {
 
-// The first number of a term's draws. The values never change and are never reused, as the values of Process.
-enum class Draw : std::uint64_t {
-  bias = 0,
-  scale_factor = 1,
-  scale_factor_asymmetry = 2,
-  quadratic = 3,
-  cubic = 4,
-  misalignment = 5,        // of each column
-  g_sensitivity = 8,       // of each column
-  temperature_scale = 11,  // of each degree
-  temperature_bias = 14,   // of each degree
-  temperature_rate_bias = 17,
-  temperature_hysteresis = 18,
-  cross_sensitivity = 19,        // of each column
-  vibration_rectification = 22,  // of each column
-  // 25 of the magnetic field is drawn_current_field()
+// The first number of each member's draws, in the order of the members of ConstantErrors. A matrix has a number for
+// each column; 25 of the magnetic field is drawn_current_field(). The values never change and are never reused, as
+// the values of Process.
+constexpr std::array<std::uint64_t, 13> first_draws = {
+    0,   // bias
+    1,   // scale_factor
+    2,   // scale_factor_asymmetry
+    3,   // quadratic
+    4,   // cubic
+    5,   // misalignment
+    8,   // g_sensitivity
+    11,  // temperature_scale
+    14,  // temperature_bias
+    17,  // temperature_rate_bias
+    18,  // temperature_hysteresis
+    19,  // cross_sensitivity
+    22,  // vibration_rectification
 };
 constexpr std::uint64_t draws_of_a_power_on = 32;
-
-// The draws of the members of ConstantErrors, in the order of the members.
-constexpr std::array draws = {Draw::bias,
-                              Draw::scale_factor,
-                              Draw::scale_factor_asymmetry,
-                              Draw::quadratic,
-                              Draw::cubic,
-                              Draw::misalignment,
-                              Draw::g_sensitivity,
-                              Draw::temperature_scale,
-                              Draw::temperature_bias,
-                              Draw::temperature_rate_bias,
-                              Draw::temperature_hysteresis,
-                              Draw::cross_sensitivity,
-                              Draw::vibration_rectification};
-static_assert(draws.size() == constant_error_names.size(), "a member has no draw");
+static_assert(first_draws.size() == constant_error_names.size(), "a member has no draw");
+static_assert(std::ranges::is_sorted(first_draws, std::ranges::less_equal{}), "two members have the same draw");
 
 // The deviates of one layer for one power on.
 struct Draws {
@@ -47,18 +37,18 @@ struct Draws {
   Process process;
   std::uint64_t first = 0;
 
-  Vector3 of(Draw draw, const Vector3& sigma, std::uint64_t column = 0) const noexcept {
+  Vector3 of(std::uint64_t draw, const Vector3& sigma, std::uint64_t column = 0) const noexcept {
     if (sigma.isZero(0.0)) return Vector3::Zero();
-    return sigma.cwiseProduct(normals(quantity, process, first + static_cast<std::uint64_t>(draw) + column));
+    return sigma.cwiseProduct(normals(quantity, process, first + draw + column));
   }
-  Matrix3 of(Draw draw, const Matrix3& sigma) const noexcept {
+  Matrix3 of(std::uint64_t draw, const Matrix3& sigma) const noexcept {
     Matrix3 drawn;
     for (int j = 0; j < 3; ++j) drawn.col(j) = of(draw, Vector3(sigma.col(j)), static_cast<std::uint64_t>(j));
     return drawn;
   }
   ConstantErrors all(const ConstantErrors& sigma) const noexcept {
     ConstantErrors drawn;
-    const Draw* draw = draws.data();
+    const std::uint64_t* draw = first_draws.data();
     for_each_constant([&](auto& term, const auto& deviation) { term = of(*draw++, deviation); }, drawn, sigma);
     return drawn;
   }
