@@ -5,7 +5,7 @@ usage: two_builds.py BUILD OTHER [ROUNDS]
 
 BUILD and OTHER are build folders, with imud, imu-truth and tests/imud_benchmark in BUILD and imud in OTHER. Each round runs
 both builds, one after the other, the first of them by turns; a figure is the median of the rounds, and the ratio the
-median of the rounds' ratios. Not a test: it takes some seven minutes for ten rounds, on a machine with nothing else to do.
+median of the rounds' ratios. Not a test: it takes some four minutes for ten rounds, on a machine with nothing else to do.
 """
 import json
 import os
@@ -61,23 +61,23 @@ def write_configurations():
         '[[imu]]\nprotocol = "stim300"\nport = "file:/dev/null"\n', encoding="utf-8")
 
 
-def compare(name, measure, show):
-    """`measure` is called with the imud of each build; `show` makes words of a figure."""
+def compare(names, measure, show):
+    """`measure` is called with the imud of each build, and returns a figure for each name; `show` makes words of one."""
     figures = {build: [], other: []}
     for i in range(rounds):
         for one in (build, other) if i % 2 == 0 else (other, build):
             figures[one].append(measure(one / "imud"))
-    ratio = statistics.median(a / b for a, b in zip(figures[build], figures[other]))
-    print(f"  {name:<34} {show(statistics.median(figures[build])):>12} {show(statistics.median(figures[other])):>12} "
-          f"{ratio:6.2f}", flush=True)
+    for name, here, there in zip(names, zip(*figures[build]), zip(*figures[other])):
+        ratio = statistics.median(a / b for a, b in zip(here, there))
+        print(f"  {name:<34} {show(statistics.median(here)):>12} {show(statistics.median(there)):>12} {ratio:6.2f}", flush=True)
 
 
-def per_second(product, which):
-    """Samples per second of `--fast`, without the start: `which` is 0 for elapsed, 1 for processor time."""
+def per_second(product):
+    """Samples per second of `--fast`, without the start: of elapsed and of processor time."""
     def measure(imud):
-        short, long = (spend([imud, "replay", f"{product}.toml", f"file:{s}.csv", "--fast", "-q"])[which]
+        short, long = (spend([imud, "replay", f"{product}.toml", f"file:{s}.csv", "--fast", "-q"])
                        for s in (SHORT_S, LONG_S))
-        return (LONG_S - SHORT_S) * RATES.get(product, 1000) / (long - short)
+        return [(LONG_S - SHORT_S) * RATES.get(product, 1000) / (long[which] - short[which]) for which in (0, 1)]
     return measure
 
 
@@ -98,16 +98,15 @@ with tempfile.TemporaryDirectory() as folder:
     print("Fast replay of truth at 100 Hz as CSV, M samples/s")
     for product in PRODUCTS:
         million = lambda figure: f"{figure / 1e6:.2f}"  # noqa: E731
-        compare(f"{product}, of elapsed time", per_second(product, 0), million)
-        compare(f"{product}, of processor time", per_second(product, 1), million)
+        compare([f"{product}, of elapsed time", f"{product}, of processor time"], per_second(product), million)
         alone = statistics.median(model_alone(product) for _ in range(rounds))
         print(f"    its model alone, one thread        {million(alone):>12}", flush=True)
     print("Start, ms")
     ms = lambda figure: f"{1000 * figure:.1f}"  # noqa: E731
-    compare("imud list", lambda imud: spend([imud, "list"])[0], ms)
-    compare("imud check, of a stim300", lambda imud: spend([imud, "check", "live.toml"])[0], ms)
-    compare("from exec to ready, a stim300", until_ready, ms)
+    compare(["imud list"], lambda imud: spend([imud, "list"])[:1], ms)
+    compare(["imud check, of a stim300"], lambda imud: spend([imud, "check", "live.toml"])[:1], ms)
+    compare(["from exec to ready, a stim300"], lambda imud: [until_ready(imud)], ms)
     print("Largest memory, MB")
     for s in (SHORT_S, 10 * LONG_S):
-        compare(f"replay of {pathlib.Path(f'{s}.csv').stat().st_size / 1e6:.0f} MB",
-                lambda imud: spend([imud, "replay", "native.toml", f"file:{s}.csv", "--fast", "-q"])[2], "{:.1f}".format)
+        compare([f"replay of {pathlib.Path(f'{s}.csv').stat().st_size / 1e6:.0f} MB"],
+                lambda imud: spend([imud, "replay", "native.toml", f"file:{s}.csv", "--fast", "-q"])[2:], "{:.1f}".format)
