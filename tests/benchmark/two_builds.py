@@ -84,11 +84,11 @@ def write_configurations():
 
 def compare(names, measure, show):
     """`measure` is called with the imud of each build, and returns a figure for each name; `show` makes words of one."""
-    figures = {build: [], other: []}
+    figures = [], []
     for i in range(rounds):
-        for one in (build, other) if i % 2 == 0 else (other, build):
-            figures[one].append(measure(one / "imud"))
-    for name, here, there in zip(names, zip(*figures[build]), zip(*figures[other])):
+        for which in (0, 1) if i % 2 == 0 else (1, 0):
+            figures[which].append(measure((build, other)[which] / "imud"))
+    for name, here, there in zip(names, zip(*figures[0]), zip(*figures[1])):
         ratio = statistics.median(a / b for a, b in zip(here, there))
         print(f"  {name:<34} {show(statistics.median(here)):>12} {show(statistics.median(there)):>12} {ratio:6.2f}", flush=True)
 
