@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 #include <linux/can.h>
 #include <linux/can/raw.h>
+#include <linux/sockios.h>
 #include <net/if.h>
 #include <poll.h>
 #include <stdlib.h>
@@ -59,6 +60,13 @@ class Node {
     if (size < 0) return std::nullopt;
     got.fd = size == CANFD_MTU;
     return got;
+  }
+  // Returns when the kernel received the last frame that receive() returned. The first call, before any frame, only
+  // switches this on.
+  std::chrono::microseconds last_time() const {
+    timeval time{};
+    ::ioctl(socket_.get(), SIOCGSTAMP, &time);
+    return std::chrono::seconds(time.tv_sec) + std::chrono::microseconds(time.tv_usec);
   }
   // Discards frames up to the first frame with this identifier (flags as in can_id), and returns that frame; nullopt
   // if there is none within a minute.
