@@ -29,7 +29,7 @@ std::string rates(const StreamStatistics& statistics) {
   if (const auto hz = statistics.arrival().hz())
     text += fmt::format("{}{:.3f} Hz (arrival)", text.empty() ? "" : ", ", *hz);
   if (!text.empty()) return text;
-  return statistics.samples() < 2 || duration_s(statistics)
+  return statistics.samples() < 2 || statistics.has_time()
              ? "unknown: too few samples with a time"
              : "unknown: neither the samples nor the input carry a time";
 }

@@ -50,6 +50,7 @@ void StreamStatistics::add(const Measurement& measurement, std::optional<HostTim
   entry.time_ns = measurement.sample.time.ns;
   entry.counter = measurement.sample.counter & counter_mask_;
   if (arrival) entry.arrival_ns = arrival->ns;
+  has_time_ = has_time_ || arrival || (entry.fields & Measurement::time) != 0;
 
   if (!window_.empty()) {
     const Entry& before = window_.back();

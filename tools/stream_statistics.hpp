@@ -34,6 +34,8 @@ class StreamStatistics {
   // stamps jumped or went back.
   const Rate& device() const noexcept { return device_; }
   const Rate& arrival() const noexcept { return arrival_; }
+  // Whether any sample had a time of the device or of arrival. Rates need one in two adjacent samples.
+  bool has_time() const noexcept { return has_time_; }
   // The distances in s of the arrivals from a straight line: the least-squares fit, over a window, of arrival over
   // device time, or over the sample's number if the time is absent or too coarse. A window has 4096 to 8192 samples,
   // so that the drift of the clocks does not count as jitter.
@@ -86,6 +88,7 @@ class StreamStatistics {
   std::uint64_t samples_ = 0;
   Rate device_;
   Rate arrival_;
+  bool has_time_ = false;
   DurationHistogram jitter_;
   std::uint64_t gaps_ = 0;
   std::uint64_t missing_ = 0;

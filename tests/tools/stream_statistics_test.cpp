@@ -2,8 +2,10 @@
 
 #include <gtest/gtest.h>
 
+#include "tests/support/text.hpp"
 #include "tests/tools/sample_stream.hpp"
 #include "tools/duration_text.hpp"
+#include "tools/stream_report.hpp"
 
 namespace imud {
 namespace {
@@ -58,6 +60,24 @@ TEST(StreamStatistics, FewSamplesGiveNoFigures) {
     EXPECT_EQ(statistics.samples(), count);
     EXPECT_FALSE(statistics.device().hz().has_value());
     EXPECT_FALSE(statistics.can_detect_gaps());
+  }
+}
+
+// Every second sample has a time.
+TEST(StreamStatistics, TimesInSeparateSamplesGiveNoRate) {
+  const Protocol protocol = protocol_like(32);
+  for (const bool is_arrival : {false, true}) {
+    StreamStatistics statistics(protocol);
+    for (const Sample& sample : steady_samples(100, 300)) {
+      const bool has_time = sample.counter % 2 != 0;
+      const std::optional<HostTime> arrival = HostTime{sample.time.ns};
+      statistics.add({sample, has_time && !is_arrival ? std::uint32_t{Measurement::all} : only_counter},
+                     has_time && is_arrival ? arrival : std::nullopt);
+    }
+    statistics.finish();
+    EXPECT_FALSE(statistics.device().hz() || statistics.arrival().hz());
+    const StreamReport report{protocol, {}, statistics, {}, {}, {}, {}, {}};
+    EXPECT_TRUE(contains(report.text(), "rate       unknown: too few samples with a time\n")) << report.text();
   }
 }
 
