@@ -27,8 +27,8 @@ Vector3 drawn_alignment(const ImuModel& model, const Normals& normals) noexcept 
 
 Vector3 drawn_current_field(const ImuModel& model, const Normals& normals) noexcept {
   if (model.current_field_sigma.isZero(0.0)) return Vector3::Zero();
-  constexpr std::uint64_t number = 25;  // after the draws of the triad (effects/drawn_errors.cpp)
-  return model.current_field_sigma.cwiseProduct(normals(Quantity::magnetic_field, Process::unit_draw, number));
+  return model.current_field_sigma.cwiseProduct(
+      normals(Quantity::magnetic_field, Process::unit_draw, current_field_draw));
 }
 
 Imu::Imu(const ImuModel& model, std::uint64_t seed, std::uint32_t stream)

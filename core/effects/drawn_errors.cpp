@@ -1,34 +1,47 @@
 #include "core/effects/drawn_errors.hpp"
 
-#include <algorithm>
 #include <array>
 #include <cstdint>
-#include <functional>
+#include <utility>
 
 namespace imud {
 namespace {
 
-// The first number of each member's draws, in the order of the members of ConstantErrors. A matrix has a number for
-// each column; 25 of the magnetic field is drawn_current_field(). The values never change and are never reused, as
-// the values of Process.
-constexpr std::array<std::uint64_t, 13> first_draws = {
-    0,   // bias
-    1,   // scale_factor
-    2,   // scale_factor_asymmetry
-    3,   // quadratic
-    4,   // cubic
-    5,   // misalignment
-    8,   // g_sensitivity
-    11,  // temperature_scale
-    14,  // temperature_bias
-    17,  // temperature_rate_bias
-    18,  // temperature_hysteresis
-    19,  // cross_sensitivity
-    22,  // vibration_rectification
+// The numbers of a member's draws: a matrix has one for each column. They never change and are never reused, as the
+// values of Process.
+struct MemberDraws {
+  template <class Term>
+  constexpr MemberDraws(Term ConstantErrors::*, std::uint64_t number)
+      : first(number), count(Term::ColsAtCompileTime) {}
+  std::uint64_t first, count;
 };
+// These have the order in which for_each_constant() calls its function.
+constexpr std::array<MemberDraws, constant_error_names.size()> member_draws = {{
+    {&ConstantErrors::bias, 0},
+    {&ConstantErrors::scale_factor, 1},
+    {&ConstantErrors::scale_factor_asymmetry, 2},
+    {&ConstantErrors::quadratic, 3},
+    {&ConstantErrors::cubic, 4},
+    {&ConstantErrors::misalignment, 5},
+    {&ConstantErrors::g_sensitivity, 8},
+    {&ConstantErrors::temperature_scale, 11},
+    {&ConstantErrors::temperature_bias, 14},
+    {&ConstantErrors::temperature_rate_bias, 17},
+    {&ConstantErrors::temperature_hysteresis, 18},
+    {&ConstantErrors::cross_sensitivity, 19},
+    {&ConstantErrors::vibration_rectification, 22},
+}};
 constexpr std::uint64_t draws_of_a_power_on = 32;
-static_assert(first_draws.size() == constant_error_names.size(), "a member has no draw");
-static_assert(std::ranges::is_sorted(first_draws, std::ranges::less_equal{}), "two members have the same draw");
+
+constexpr bool draws_are_distinct() {
+  std::array<bool, draws_of_a_power_on> is_taken{};
+  is_taken[current_field_draw] = true;
+  for (const MemberDraws& member : member_draws)
+    for (std::uint64_t i = 0; i < member.count; ++i)
+      if (std::exchange(is_taken.at(member.first + i), true)) return false;
+  return true;
+}
+static_assert(draws_are_distinct(), "two draws have the same number");
 
 // The deviates of one layer for one power on.
 struct Draws {
@@ -48,8 +61,9 @@ struct Draws {
   }
   ConstantErrors all(const ConstantErrors& sigma) const noexcept {
     ConstantErrors drawn;
-    const std::uint64_t* draw = first_draws.data();
-    for_each_constant([&](auto& term, const auto& deviation) { term = of(*draw++, deviation); }, drawn, sigma);
+    const MemberDraws* member = member_draws.data();
+    for_each_constant([&](auto& term, const auto& deviation) { term = of((member++)->first, deviation); }, drawn,
+                      sigma);
     return drawn;
   }
 };

@@ -9,6 +9,9 @@
 
 namespace imud {
 
+// The number of the draw of drawn_current_field(), which no member of ConstantErrors may have (drawn_errors.cpp).
+constexpr std::uint64_t current_field_draw = 25;
+
 // These two return the drawn errors of one layer. Each element is sigma n, n ~ N(0, 1); a Cause may determine a part
 // of it. The two layers are independent. Nothing here allocates or throws.
 ConstantErrors drawn_for_unit(const TriadErrors& errors, Quantity quantity, const Normals& normals,
