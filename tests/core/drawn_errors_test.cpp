@@ -97,7 +97,6 @@ double mean(const Series& z) {
   return sum / static_cast<double>(z.size());
 }
 
-// 576 elements and three tests of each with a false alarm of 1e-7: 1.7e-4 in all.
 TEST(DrawnErrors, HaveANameForEachMember) {
   ConstantErrors all;
   std::size_t members = 0, size = 0;
@@ -111,6 +110,7 @@ TEST(DrawnErrors, HaveANameForEachMember) {
   EXPECT_EQ(members, constant_error_names.size());
 }
 
+// 576 elements and three tests of each with a false alarm of 1e-7: 1.7e-4 in all.
 TEST(DrawnErrors, EachElementIsNormalWithItsStandardDeviation) {
   constexpr double false_alarm = 1e-7;
   const double n = seeds, bound = boost::math::quantile(complement(boost::math::normal(), 0.5 * false_alarm));
