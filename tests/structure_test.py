@@ -154,7 +154,7 @@ if classes < 300:
 # Code asks for the properties of a transport, not for its name. A text for people may contain a port, but not begin with it.
 names = [name.replace("_", "-") for path in sorted((root / "transports").glob("*.cpp"))
          for name in re.findall(r'constexpr Transport (\w+)_transport = ', path.read_text())]
-if len(names) < 6:
+if len(names) < 14:
     faults.append(f"transports: only {len(names)} entries found")
 named = re.compile(rf"({'|'.join(names)})(:|$)")
 given = set()
@@ -208,12 +208,13 @@ if entries < 9:
 # The other files of transports are no entries. A product in a folder of its own has its entry in device.cpp.
 entries = 0
 for path in sorted((root / "transports").glob("*.cpp")):
-    for stem, name in re.findall(r"^extern constexpr Transport (\w+)_transport = \{\s*\.name = \"([^\"]+)\"", path.read_text(), re.MULTILINE):
+    for stem, entry in re.findall(r"^extern constexpr Transport (\w+)_transport = \{(.*?)^\};", path.read_text(), re.MULTILINE | re.DOTALL):
+        name = re.search(r'^ *\.name = "(.*?)"', entry, re.MULTILINE)
         entries += 1
-        if stem != path.stem or name != keyword_of(stem):
-            faults.append(f"{path.relative_to(root)}: its entry {stem}_transport is named \"{name}\", not as the file")
-if entries < 14:
-    faults.append(f"transports: only {entries} entries were found")
+        if stem != path.stem or name is None or name[1] != keyword_of(stem):
+            faults.append(f"{path.relative_to(root)}: its entry {stem}_transport is named {name and name[1]}, not as the file")
+if entries != len(names):
+    faults.append(f"transports: {entries} of {len(names)} entries were compared with their files")
 for path in sorted((root / "protocols").glob("*/*.cpp")):
     if path.parent.name not in ("devices", "truth_formats") and path.name != "device.cpp" and re.search(
             r"^(extern )?constexpr (Protocol|TruthFormat) \w+ = ", path.read_text(), re.MULTILINE):
