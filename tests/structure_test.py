@@ -220,27 +220,35 @@ for path in sorted((root / "protocols").glob("*/*.cpp")):
             r"^(extern )?constexpr (Protocol|TruthFormat) \w+ = ", path.read_text(), re.MULTILINE):
         faults.append(f"{path.relative_to(root)}: has an entry, which no table has: it belongs into device.cpp")
 
-# Numbers that stand for something, in random streams and in records: no two are equal.
-def numbers_of(path, enum):
-    """The enumerators with their numbers."""
-    body = re.search(rf"enum class {enum}\b[^{{]*\{{(.*?)\n *\}};", (root / path).read_text(), re.DOTALL)[1]
-    return [(name, int(number)) for name, number in re.findall(r"^ *(\w+) = (\d+),", body, re.MULTILINE)]
+# Numbers that stand for something, in random streams and in records: each enumerator has one of its own.
+def numbers_of(path, enum, least):
+    """Returns the name of each number."""
+    text = re.sub(r"//.*", "", (root / path).read_text())
+    found = {}
+    for enumerator in re.search(rf"enum class {enum}\b[^{{]*\{{(.*?),?\s*\}}", text, re.DOTALL)[1].split(","):
+        name, _, number = enumerator.replace(" ", "").strip().partition("=")
+        if not number.isdecimal():
+            faults.append(f"{path}: {enum}::{name} has no number")
+        elif found.setdefault(int(number), name) != name:
+            faults.append(f"{path}: {enum}::{name} has the number of {found[int(number)]}")
+    if len(found) < least:
+        faults.append(f"{path}: {enum} has only {len(found)} numbers, of at least {least}")
+    return found
 
 
-for path, enum, least in (("core/numbers/random.hpp", "Quantity", 9), ("core/numbers/random.hpp", "Process", 25),
-                          ("emulator/imu/command.hpp", "Kind", 19)):
-    listed = numbers_of(path, enum)
-    if len(listed) < least or len({number for _, number in listed}) != len(listed):
-        faults.append(f"{path}: {enum} has {len(listed)} enumerators, of at least {least}, with {len({n for _, n in listed})} numbers")
-for name, number in numbers_of("core/numbers/random.hpp", "Process"):
+numbers_of("core/numbers/random.hpp", "Quantity", 9)
+for number, name in numbers_of("core/numbers/random.hpp", "Process", 25).items():
     if 32 <= number < 64 and name != "flicker":
         faults.append(f"core/numbers/random.hpp: {name} has the number {number} of an octave of flicker")
 
-# The dissector of records has its own lists.
-dissector = (root / "tools/wireshark/imud.lua").read_text()
-shown = re.findall(r'"(\w+)"', re.search(r"local commands = \{(.*?)\}", dissector, re.DOTALL)[1])
-if shown != (kinds := [name for name, _ in numbers_of("emulator/imu/command.hpp", "Kind")]):
-    faults.append(f"tools/wireshark/imud.lua: its commands are not those of command.hpp: {set(shown) ^ set(kinds)}")
+# The dissector of records has its own lists. Lua numbers the elements that have no number of their own from 1.
+commands = re.search(r"local commands = \{(.*?)\}", (root / "tools/wireshark/imud.lua").read_text(), re.DOTALL)[1]
+elements = re.findall(r'(?:\[(\d+)\] = )?"(\w+)"', commands)
+shown = dict(enumerate((name for number, name in elements if not number), 1)) | {int(number): name for number, name in elements if number}
+kinds = numbers_of("emulator/imu/command.hpp", "Kind", 19)
+for number in sorted(shown.keys() | kinds.keys()):
+    if shown.get(number) != kinds.get(number):
+        faults.append(f"tools/wireshark/imud.lua: command {number} is {shown.get(number)}, in command.hpp {kinds.get(number)}")
 
 # g++ 14 makes weak symbols of signal_protocol<NAME>, though NAME is in an anonymous namespace: with one name in two files
 # the linker takes one file's messages for both.
