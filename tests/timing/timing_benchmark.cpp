@@ -2,11 +2,15 @@
 // machine with nothing else to do the ratios are what matters; figures in us follow the machine.
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
+#include <iterator>
 #include <string>
+#include <string_view>
+#include <vector>
 
 #include "tests/timing/bare_loop.hpp"
 #include "tests/timing/relay.hpp"
@@ -224,6 +228,18 @@ void latency(const Folder& folder, int steps) {
   at_most(" with spin_us", 1.1, spinning.p50);
 }
 
+struct Part {
+  std::string_view name;
+  void (*run)(const Folder& folder, double s);
+};
+constexpr Part parts[] = {
+    {"latency", [](const Folder& folder, double) { latency(folder, 4000); }},
+    {"lateness", [](const Folder& folder, double s) { against_cyclictest(folder, 5, std::max(2.0, s / 12)); }},
+    {"rates", rates},
+    {"control", [](const Folder& folder, double s) { under_control(folder, 6, std::max(2.0, s / 6)); }},
+    {"imus", [](const Folder& folder, double s) { many_imus(folder, 6, std::max(2.0, s / 6)); }},
+};
+
 }  // namespace
 }  // namespace imud::timing
 
@@ -232,18 +248,20 @@ int main(int argc, char** argv) {
   // Arguments: the duration of the long runs, s (in shorter runs the rate is not known to 1 ppm), then the parts to
   // run; default: all.
   const double s = argc > 1 ? std::atof(argv[1]) : 60;
-  const auto wanted = [&](const std::string& part) {
-    bool is = argc <= 2;
-    for (int i = 2; i < argc; ++i) is = is || part == argv[i];
-    return is;
+  const std::vector<std::string_view> wanted(argv + std::min(argc, 2), argv + argc);
+  const auto is_part = [](std::string_view name) {
+    return std::ranges::find(parts, name, &Part::name) != std::end(parts);
   };
+  if (!(s > 0) || !std::ranges::all_of(wanted, is_part)) {
+    fmt::print(stderr, "timing: give a duration, s, then some of these parts, or none for all:");
+    for (const Part& part : parts) fmt::print(stderr, " {}", part.name);
+    fmt::print(stderr, "\n");
+    return 1;
+  }
   try {
     const Folder folder;
-    if (wanted("latency")) latency(folder, 4000);
-    if (wanted("lateness")) against_cyclictest(folder, 5, std::max(2.0, s / 12));
-    if (wanted("rates")) rates(folder, s);
-    if (wanted("control")) under_control(folder, 6, std::max(2.0, s / 6));
-    if (wanted("imus")) many_imus(folder, 6, std::max(2.0, s / 6));
+    for (const Part& part : parts)
+      if (wanted.empty() || std::ranges::find(wanted, part.name) != wanted.end()) part.run(folder, s);
   } catch (const std::exception& error) {
     fmt::print(stderr, "timing: {}\n", error.what());
     return 1;
