@@ -7,12 +7,12 @@
 #include <cmath>
 #include <map>
 #include <stdexcept>
-#include <thread>
 #include <utility>
 #include <vector>
 
 #include "emulator/campaign/campaign_run.hpp"
 #include "emulator/campaign/case_runner.hpp"
+#include "emulator/ground/host.hpp"
 #include "emulator/ground/progress_line.hpp"
 #include "emulator/ground/shell_word.hpp"
 #include "emulator/ground/text_file.hpp"
@@ -173,7 +173,7 @@ int bisect_campaign(const std::string& plan_or_folder, const CampaignBisectOptio
     for (auto one = waiting.begin(); one != waiting.end() && one->first == next; one = waiting.erase(one), ++next)
       output.write(one->second + "\n");
   };
-  const unsigned jobs = options.jobs > 0 ? options.jobs : std::max(1U, std::thread::hardware_concurrency());
+  const unsigned jobs = options.jobs > 0 ? options.jobs : usable_processors();
   const bool is_whole = run_workers(
       {.jobs = jobs, .work = work, .take = take, .tick = [&] { progress.show(next, cases.size(), "combinations"); }},
       cases.size());

@@ -13,7 +13,6 @@
 #include <optional>
 #include <stdexcept>
 #include <string_view>
-#include <thread>
 #include <utility>
 #include <vector>
 
@@ -24,6 +23,7 @@
 #include "emulator/campaign/shards_at_work.hpp"
 #include "emulator/config/config_text.hpp"
 #include "emulator/ground/exit_code.hpp"
+#include "emulator/ground/host.hpp"
 #include "emulator/ground/progress_line.hpp"
 #include "emulator/ground/text_file.hpp"
 #include "emulator/seeds/worker_processes.hpp"
@@ -183,7 +183,7 @@ bool MissingRun::run(SequentialStop& stop) {
     last_look = host_now();
     return stop.look();
   };
-  const unsigned jobs = options_.jobs > 0 ? options_.jobs : std::max(1U, std::thread::hardware_concurrency());
+  const unsigned jobs = options_.jobs > 0 ? options_.jobs : usable_processors();
   std::optional<std::vector<std::size_t>> again;  // the items of a later pass; nullopt: all
   const auto item_of = [&again](std::size_t number) { return again ? (*again)[number] : number; };
   const auto pass = [&](bool is_first) {

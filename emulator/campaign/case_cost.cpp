@@ -9,6 +9,7 @@
 #include <thread>
 
 #include "emulator/drive/assembly.hpp"
+#include "emulator/ground/host.hpp"
 #include "emulator/report/summary.hpp"
 #include "emulator/truth/capture_check.hpp"
 #include "transports/host_clock.hpp"
@@ -58,8 +59,7 @@ CampaignCost measure_cases(const Campaign& campaign) {
   constexpr std::chrono::seconds longest(20);
   const std::uint64_t last = campaign.cases() - 1;
   const std::set<std::uint64_t> cases = {0, last / 2, last};
-  CampaignCost cost{.cases = {cases.begin(), cases.end()},
-                    .processors = std::max(1U, std::thread::hardware_concurrency())};
+  CampaignCost cost{.cases = {cases.begin(), cases.end()}, .processors = usable_processors()};
   for (const std::uint64_t index : cases) {
     const HostTime begin = host_now();
     const CampaignCase c = case_of(campaign, index);

@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
+#include <thread>
 
 #include "transports/host_clock.hpp"
 
@@ -99,6 +100,12 @@ std::span<const Host::Ready> MonotonicHost::poll_inputs(Nanoseconds at_most) noe
     ready_.push_back({events[static_cast<std::size_t>(i)].data.u64,
                       static_cast<short>(events[static_cast<std::size_t>(i)].events)});
   return ready_;
+}
+
+unsigned usable_processors() noexcept {
+  cpu_set_t usable;  // of at most 1024 processors
+  if (::sched_getaffinity(0, sizeof usable, &usable) == 0) return static_cast<unsigned>(CPU_COUNT(&usable));
+  return std::max(1U, std::thread::hardware_concurrency());
 }
 
 }  // namespace imud

@@ -65,4 +65,7 @@ class MonotonicHost final : public Host {
   bool has_file_ = false;  // an input is a file, of which epoll knows nothing and which is always ready
 };
 
+// Returns how many processors this process may use, at least 1: an affinity, such as a container's, limits them.
+unsigned usable_processors() noexcept;
+
 }  // namespace imud

@@ -27,6 +27,7 @@
 #include "emulator/drive/realtime_thread.hpp"
 #include "emulator/engine/closing.hpp"
 #include "emulator/faults/fault_labels.hpp"
+#include "emulator/ground/host.hpp"
 #include "emulator/ground/progress_line.hpp"
 #include "emulator/ground/text_file.hpp"
 #include "emulator/record/recorder.hpp"
@@ -185,7 +186,7 @@ int run(const Config& config, const RunOptions& options) {
                     {.repeats = options.repeats,
                      .sink = recorder ? *recorder : StepSink::none(),
                      .control = &control,
-                     .threads = options.threads.value_or(std::thread::hardware_concurrency() > 1 ? 3 : 1)});
+                     .threads = options.threads.value_or(usable_processors() > 1 ? 3 : 1)});
   Engine& engine = assembly.engine();
   if (recorder) recorder->start(!is_capture(config.truth.port), config.resolved());
   log_details(config);

@@ -10,7 +10,6 @@
 #include <nlohmann/json.hpp>
 #include <span>
 #include <stdexcept>
-#include <thread>
 #include <utility>
 #include <vector>
 
@@ -18,6 +17,7 @@
 #include "emulator/engine/closing.hpp"
 #include "emulator/faults/fault_labels.hpp"
 #include "emulator/ground/exit_code.hpp"
+#include "emulator/ground/host.hpp"
 #include "emulator/ground/progress_line.hpp"
 #include "emulator/ground/text_file.hpp"
 #include "emulator/seeds/seed_arrays.hpp"
@@ -300,7 +300,7 @@ int replay_seeds(const Config& config, const RunOptions& options, const SeedsOpt
   if (summary_file.is_regular()) summary_file.replace("{\"complete\": false, \"ended_by\": null}\n");
 
   Runs runs(config, options, seeds);
-  const unsigned jobs = seeds.jobs > 0 ? seeds.jobs : std::max(1U, std::thread::hardware_concurrency());
+  const unsigned jobs = seeds.jobs > 0 ? seeds.jobs : usable_processors();
   runs.divide(jobs);
   bool is_whole = false;
   SeedResults results(!options.summary_file.empty(), runs.parts(), config.faults);

@@ -1,5 +1,6 @@
 // imud replay --fast --threads: the same bytes and the same summary by one, two and three threads.
 #include <gtest/gtest.h>
+#include <sched.h>
 
 #include "emulator/drive/truth_pieces.hpp"
 #include "protocols/protocol.hpp"
@@ -119,6 +120,25 @@ TEST_F(ThreadsTest, FaultsAreInTheSameFrames) {
               {{"native", "rate_hz = 1000\n" + range}, {"native", "rate_hz = 1000\n" + range + fault}}, {}, false);
   EXPECT_EQ(left.exit_code, 0) << left.errors;
   EXPECT_LT(left.files[0].size(), left.files[1].size());
+}
+
+// A container's processors are those of its affinity.
+TEST_F(ThreadsTest, ASingleUsableProcessorMakesOneThread) {
+  std::string text(columns);
+  for (int ms = 0; ms < 100; ms += 10) text += row(ms);
+  const std::string flight = write("flight.csv", text);
+  const std::string c = config("fast", "file:flight.csv", "csv", 1000, "native", "file:" + path("out"));
+  cpu_set_t usable, one;
+  ASSERT_EQ(::sched_getaffinity(0, sizeof usable, &usable), 0);
+  std::size_t cpu = 0;
+  while (!CPU_ISSET(cpu, &usable)) ++cpu;
+  CPU_ZERO(&one);
+  CPU_SET(cpu, &one);
+  ASSERT_EQ(::sched_setaffinity(0, sizeof one, &one), 0);
+  const ProgramResult result = run_program("imud", {"replay", c, flight});
+  ASSERT_EQ(::sched_setaffinity(0, sizeof usable, &usable), 0);
+  EXPECT_EQ(result.exit_code, 0) << result.errors;
+  EXPECT_FALSE(contains(result.errors, " threads")) << result.errors;
 }
 
 // A record needs the bytes of the truth, and standard input may keep a thread waiting.
