@@ -125,6 +125,7 @@ class Port {
     // The bytes are a piece of a stream, although the transport keeps datagrams: a capture has both. A new stream
     // begins with the first piece after PortCounters::lost_count has risen.
     bool is_piece = false;
+    bool is_last = false;  // the port knows that nothing else had come when this had
   };
   virtual std::optional<Received> receive() noexcept = 0;
 

@@ -5,11 +5,11 @@
 #include <netinet/in.h>
 #include <sys/socket.h>
 
+#include <array>
 #include <cerrno>
 #include <cstring>
 #include <memory>
 #include <string>
-#include <vector>
 
 #include "transports/file_descriptor.hpp"
 #include "transports/host_clock.hpp"
@@ -48,7 +48,7 @@ int multicast_interface(const PortSpec& spec, const SocketAddress& group) {
 class UdpPort final : public Port {
  public:
   UdpPort(const PortSpec& spec, const PortSettings& settings)
-      : connected_(settings.role == Role::device), admitted_(settings.from), buffer_(max_datagram + 1) {
+      : connected_(settings.role == Role::device), admitted_(settings.from) {
     SocketAddress named = SocketAddress::ip(spec);
     socket_.reset(::socket(named.family(), SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
     if (!socket_) throw spec.error(fmt::format("no socket: {}", std::strerror(errno)));
@@ -86,24 +86,23 @@ class UdpPort final : public Port {
     constexpr int most = 256;  // foreign datagrams that are dropped in one call, so that the caller can do other work
     // The first attempt may only report that an earlier datagram failed: try again.
     for (int foreign = 0, failed = 0; foreign < most && failed < 2;) {
-      SocketAddress from;
-      from.size = sizeof from.storage;
-      const ssize_t size =
-          ::recvfrom(socket_.get(), buffer_.data(), buffer_.size(), MSG_DONTWAIT, from.room(), &from.size);
-      if (size >= 0) {
-        const Endpoint sender = from.endpoint();
-        if (admitted_ && !admitted_->admits(sender)) {
-          ++counters_.foreign;
-          counters_.foreign_from = sender;
-          ++foreign;
-          continue;
-        }
-        if (!connected_) peer_ = from;
-        ++counters_.received;
-        return Received{{{buffer_.data(), static_cast<std::size_t>(size)}}, host_now(), sender};
+      if (next_ == taken_ && !take_datagrams()) {
+        if (errno == EAGAIN) break;
+        ++failed;
+        continue;
       }
-      if (errno == EAGAIN) break;
-      ++failed;
+      const Datagram& datagram = datagrams_[next_++];
+      const Endpoint sender = datagram.from.endpoint();
+      if (admitted_ && !admitted_->admits(sender)) {
+        ++counters_.foreign;
+        counters_.foreign_from = sender;
+        ++foreign;
+        continue;
+      }
+      if (!connected_) peer_ = datagram.from;
+      ++counters_.received;
+      const bool is_last = next_ == taken_ && taken_ < most_taken;
+      return Received{{{datagram.bytes.get(), datagram.size}}, arrival_, sender, false, is_last};
     }
     return std::nullopt;
   }
@@ -112,6 +111,30 @@ class UdpPort final : public Port {
   std::string chosen_port() const override { return chosen_port_; }
 
  private:
+  // Takes the datagrams that wait, at most two, so that one system call tells whether a datagram is the last. Returns
+  // false, with errno, if it takes none.
+  bool take_datagrams() noexcept {
+    std::array<iovec, most_taken> rooms;
+    std::array<mmsghdr, most_taken> messages{};
+    for (std::size_t i = 0; i < most_taken; ++i) {
+      rooms[i] = {datagrams_[i].bytes.get(), max_datagram + 1};
+      messages[i].msg_hdr.msg_iov = &rooms[i];
+      messages[i].msg_hdr.msg_iovlen = 1;
+      messages[i].msg_hdr.msg_name = datagrams_[i].from.room();
+      messages[i].msg_hdr.msg_namelen = sizeof datagrams_[i].from.storage;
+    }
+    next_ = taken_ = 0;
+    const int count = ::recvmmsg(socket_.get(), messages.data(), most_taken, MSG_DONTWAIT, nullptr);
+    if (count < 0) return false;
+    arrival_ = host_now();
+    taken_ = static_cast<std::size_t>(count);
+    for (std::size_t i = 0; i < taken_; ++i) {
+      datagrams_[i].size = messages[i].msg_len;
+      datagrams_[i].from.size = messages[i].msg_hdr.msg_namelen;
+    }
+    return true;
+  }
+
   template <class Value>
   bool set_option(int level, int name, const Value& value) noexcept {
     return ::setsockopt(socket_.get(), level, name, &value, sizeof value) == 0;
@@ -171,7 +194,15 @@ class UdpPort final : public Port {
   FileDescriptor socket_;
   std::string chosen_port_;
   SocketAddress peer_;  // of a listener: the last datagram's sender, or the one given
-  std::vector<std::byte> buffer_;
+  struct Datagram {
+    std::unique_ptr<std::byte[]> bytes = std::make_unique_for_overwrite<std::byte[]>(max_datagram + 1);
+    std::size_t size = 0;
+    SocketAddress from;
+  };
+  static constexpr std::size_t most_taken = 2;
+  std::array<Datagram, most_taken> datagrams_;  // the first `taken_`; those before `next_` were returned
+  std::size_t next_ = 0, taken_ = 0;
+  HostTime arrival_;
 };
 
 void check(const PortSpec& spec, const PortSettings& settings) {

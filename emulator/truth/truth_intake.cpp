@@ -104,6 +104,7 @@ std::optional<TruthResult> TruthIntake::next_record() noexcept {
   constexpr int most = 256;  // pieces without a record in one call, so that the caller can do other work
   for (int i = 0; i < most; ++i) {
     if (const auto result = decoder_->next(truth_)) return result;
+    if (std::exchange(is_drained_, false)) break;
     const auto received = port_->receive();
     watch_connection();
     if (!received) {
@@ -121,6 +122,7 @@ std::optional<TruthResult> TruthIntake::next_record() noexcept {
       }
       break;
     }
+    is_drained_ = received->is_last;
     arrival_ = received->time;
     sender_ = received->from;
     // A capture's own time stamps are no host times.

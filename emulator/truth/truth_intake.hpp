@@ -122,6 +122,7 @@ class TruthIntake {
   const bool is_stream_;         // the port does not keep datagrams apart
   const bool is_live_;           // a simulator is at the port's other end, and can receive
   bool started_ = false;         // the decoder's start() was called, and the simulator has not disconnected since
+  bool is_drained_ = false;      // the port need not be asked before the descriptor is ready again
   bool has_ended_ = false;       // the port's input has ended; the decoder may still have its last record
   bool finished_ = false;        // the input has ended, and every record was taken
   const Timeline::Limits limits_;

@@ -187,6 +187,32 @@ TEST(Udp, AListenerNamesTheSender) {
   }
 }
 
+// One system call takes two datagrams, so that the port knows of a single one that it is the last.
+TEST(Udp, TheLastDatagramIsKnownAsSuch) {
+  const std::string spec = local_spec();
+  const auto listener = open_port(spec, Role::listener);
+  const auto first = open_port(spec, Role::device), second = open_port(spec, Role::device);
+  for (const std::string_view text : {"1", "2", "3"}) {
+    first->send({{frame_of(text)}});
+    second->send({{frame_of(text)}});
+  }
+  first->send({{frame_of("4")}});
+  std::string texts;
+  std::vector<Endpoint> senders;
+  for (int i = 0; i < 7; ++i) {
+    const auto received = listener->receive();
+    ASSERT_TRUE(received.has_value());
+    EXPECT_EQ(received->is_last, i == 6) << i;
+    texts += text_of(*received);
+    senders.push_back(received->from);
+  }
+  EXPECT_EQ(texts, "1122334");
+  for (std::size_t i = 0; i < 7; ++i) EXPECT_EQ(senders[i] == senders[0], i % 2 == 0) << i;
+  EXPECT_EQ(listener->receive(), std::nullopt);
+  first->send({{frame_of("5")}});
+  EXPECT_EQ(text_of(listener->receive().value()), "5");
+}
+
 TEST(Udp, AListenerAdmitsOneSender) {
   const std::string spec = local_spec();
   const auto device = open_port(spec, Role::device), other = open_port(spec, Role::device);
