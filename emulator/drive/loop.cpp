@@ -89,6 +89,7 @@ void Loop::round() noexcept {
     return;
   }
   if (schedule_.empty()) return wait(now + longest_wait);
+  if (unserved_) look(now);  // truth has come without a wait
   if (!is_prepared()) {
     due_ = next_due();
     const Nanoseconds ahead = due_ - now;
@@ -265,6 +266,7 @@ void Loop::wait(HostTime until) noexcept {
 
 // Waits for input until `until` at most, and serves what is ready. With `until` in the past it does not wait.
 void Loop::look(HostTime until) noexcept {
+  unserved_ = false;
   truth_waits_ = hosts_.wait(until, !more_truth_ && wants_truth(), spin_) || more_truth_ || has_no_input();
   looked_ = host_.now();
   cycle_power_if_requested(looked_);
@@ -304,7 +306,7 @@ void Loop::set_ahead_of_next() noexcept {
   if (sink_.keeps()) sink_.set_time(paced_ ? now : host_.now());
   cycle_power_if_requested(now);
   pace_.transmit(due_, due_);
-  if (!paced_) hosts_.serve_prepared(due_);
+  if (!paced_ && !(unserved_ = awaits_truth())) hosts_.serve_prepared(due_);
   complete(now);
   if (paced_ && !waits_for_truth_ && !prepared_at_rest_)
     engine_.quality().age.add(std::max(0.0, seconds(due_ - newest_arrival_)));

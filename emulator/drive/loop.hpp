@@ -47,6 +47,10 @@ class Loop {
   void pass_over() noexcept;
   TruthTime earliest_sample() noexcept;
   TruthTime latest_sample() const noexcept;
+  // The next samples need a truth that a simulator sends, which is waited for.
+  bool awaits_truth() const noexcept {
+    return waits_for_truth_ && intake_.is_live() && pacer_.truth(next_due()) > latest_sample();
+  }
 
   // Samples.
   HostTime next_due() const noexcept { return origin_ + schedule_.next().offset; }
@@ -108,6 +112,7 @@ class Loop {
   bool truth_waits_ = true;  // truth may be waiting at its port
   bool more_truth_ = false;  // more truth is waiting than was taken
   bool has_room_ = true;     // the timeline has room for more truth
+  bool unserved_ = false;    // a look has to serve the hosts before the next samples
   bool unreviewed_ = false;  // truths were observed since the last review
   bool unapplied_ = false;   // a truth was accepted since apply_truth()
   std::size_t truths_since_advance_ = 0;

@@ -223,6 +223,36 @@ TEST_F(LoopTest, RepliesAreMeasuredByTheHostsClock) {
   EXPECT_NEAR(replies.max(), 0.2, 0.01) << "the host was stopped when it arrived";
 }
 
+// In lockstep the wait for truth serves the hosts. Where truth has come already, nothing waits.
+TEST_F(LoopTest, InLockstepHostsAreServedBetweenTruthsThatHaveCome) {
+  Config c = diary_config("", "", 1000);
+  c.clock = ClockMode::lockstep;
+  SimulatedRun run(c);
+  for (int k = 0; k <= 1000; ++k) run.truth(0.001, Swing::truth(TruthTime{1'000'000 * std::int64_t{k}}));
+  std::vector<std::pair<HostTime, char>> sent;
+  std::deque<HostTime> input;
+  for (int i = 0; i < 50; ++i) input.push_back(run.at(0.01 + 0.0011 * i));
+  const std::deque<HostTime> commands = input;
+  run.make_sensor = [&](SimulatedHost& host) {
+    auto port = std::make_unique<DiaryPort>(host, sent, input);
+    port->is_waited_for = true;
+    port->on_send = [&host] { host.spend(100us); };
+    host.next_input = [port = port.get()](int) {
+      return port->input.empty() ? SimulatedHost::never : port->input.front();
+    };
+    return port;
+  };
+  run.run(1);
+  EXPECT_EQ(count('s'), 1001U);
+  ASSERT_EQ(count('r'), 50U);
+  std::size_t commanded = 0;
+  for (const auto& [time, call] : sent) {
+    if (call != 'r') continue;
+    EXPECT_LT(time - commands[commanded++], 150us) << "before the next sample but one";
+  }
+  EXPECT_EQ(commanded, 50U);
+}
+
 TEST_F(LoopTest, PowerGoesOffAndOnBetweenTwoSamplesOnly) {
   SimulatedRun run(diary_config("delay_ms = 20", "", 1000));
   std::vector<std::pair<HostTime, char>> sent;
