@@ -19,6 +19,7 @@ struct NavigationAids {
   Matrix3 field_gain = Matrix3::Identity();
   Vector3 field_bias = Vector3::Zero();  // T
 
+  bool operator==(const NavigationAids&) const = default;
   bool compensates() const noexcept { return field_gain != Matrix3::Identity() || !field_bias.isZero(0.0); }
   // Returns the compensated field, T. A field of 0, which means that the field is unknown, is returned unchanged.
   Vector3 compensated(const Vector3& measured) const noexcept {
@@ -34,6 +35,8 @@ struct GivenHeading {
   bool only_in_alignment = false;      // a filter that is aligned ignores it
   // No document states the uncertainty that a unit takes for such a heading: chosen.
   static constexpr double sigma = 5 * units::degree;
+
+  bool operator==(const GivenHeading&) const = default;
 };
 
 // A restart and a heading are events. They are counted, so that each one acts once.
@@ -43,6 +46,7 @@ struct NavigationRequests {
   std::uint32_t headings = 0;           // so far: with each further one the filter takes `heading`
   std::optional<GivenHeading> heading;  // since the last restart or power on
 
+  bool operator==(const NavigationRequests&) const = default;
   void restart() noexcept {
     ++restarts;
     heading.reset();

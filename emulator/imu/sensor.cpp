@@ -136,12 +136,14 @@ void Sensor::set_seed(std::uint64_t seed) noexcept {
 }
 
 void Sensor::follow(const std::optional<SensorFilters>& filters, const NavigationRequests& requests) noexcept {
-  if (solution_) {
-    if (requests.restarts != requests_.restarts) solution_->restart();
-    solution_->set_aids(requests.aids);
-    if (requests.heading && requests.headings != requests_.headings) solution_->give(*requests.heading);
+  if (requests != requests_) {
+    if (solution_) {
+      if (requests.restarts != requests_.restarts) solution_->restart();
+      solution_->set_aids(requests.aids);
+      if (requests.heading && requests.headings != requests_.headings) solution_->give(*requests.heading);
+    }
+    requests_ = requests;
   }
-  requests_ = requests;
   if (!device_filters_ || !filters || *filters == filters_) return;
   filters_ = *filters;
   imu_.set_filters(filters_);

@@ -58,6 +58,7 @@ class Sensor {
   void restart() noexcept;
   // Follows the device (Device::filters(), navigation_requests()). Takes the filters that the device's settings
   // choose, if the product has such settings, and the host's requests to the unit's own filter, if the unit has one.
+  // Writes nothing where neither has changed: an EncodingThread calls this at a device's deadline.
   void follow(const std::optional<SensorFilters>& filters, const NavigationRequests& requests) noexcept;
   // Exchanges the model for the reload's model, which continues from the old model (Imu::continue_from()).
   void exchange(Reload::Sensor& next) noexcept;
