@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <array>
+#include <boost/endian/conversion.hpp>
 #include <charconv>
 #include <cmath>
 #include <cstdint>
@@ -23,27 +24,16 @@ constexpr auto powers_of_ten = [] {
   return powers;
 }();
 
-// The numbers 0 to 99 as two characters each.
-constexpr auto pairs = [] {
-  std::array<char, 200> text{};
-  for (std::size_t i = 0; i < 100; ++i) {
-    text[2 * i] = static_cast<char>('0' + i / 10);
-    text[2 * i + 1] = static_cast<char>('0' + i % 10);
-  }
-  return text;
-}();
-
-// Writes the four digits of `number`, which must be below 10^4.
-void write_four(char* at, std::uint32_t number) noexcept {
-  const std::uint32_t hundreds = number * 5243U >> 19U;  // number / 100, for numbers below 10^4
-  std::memcpy(at, &pairs[2 * hundreds], 2);
-  std::memcpy(at + 2, &pairs[2 * (number - 100 * hundreds)], 2);
-}
-
-// Writes the eight digits of `number`, which must be below 10^8.
+// Writes the eight digits of `number`, which must be below 10^8. The parts of the number are in lanes of one word:
+// two of four digits, then four of two, then eight of one; the first digits are in the lowest lane. A division by 100
+// or 10 is a multiplication and a shift, which are exact for numbers below 10^4 and 10^2.
 void write_eight(char* at, std::uint32_t number) noexcept {
-  write_four(at, number / 10'000);
-  write_four(at + 4, number % 10'000);
+  const std::uint64_t fours = number / 10'000 | std::uint64_t{number % 10'000} << 32U;
+  const std::uint64_t hundreds = fours * 5243 >> 19U & 0x0000'007F'0000'007F;
+  const std::uint64_t twos = hundreds | (fours - 100 * hundreds) << 16U;
+  const std::uint64_t tens = twos * 103 >> 10U & 0x000F'000F'000F'000F;
+  const std::uint64_t ones = tens | (twos - 10 * tens) << 8U;
+  boost::endian::store_little_u64(reinterpret_cast<unsigned char*>(at), ones + 0x3030'3030'3030'3030);
 }
 
 // Writes the `count` digits of `number`, and zeros behind them, all_digits characters in total. Returns the end of
