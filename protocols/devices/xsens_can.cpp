@@ -5,10 +5,13 @@
 // parser. These two differ in the unit of SampleTime (here 100 us) and in the sign of the pressure (here unsigned).
 // The protocol's document was not at hand. The driver needs SampleTime and UTC to group the messages of a sample.
 //
-// The tables below are the layouts. By Xsens's default, attitude, free acceleration and velocity are relative to
-// east-north-up. Messages whose names end in _ned are relative to north-east-down. Attitude, position and velocity
-// are the truth's or, if the unit has its own filter, the filter's solution. While the filter has no place, position
-// and velocity are the receiver's. The arbitrary unit of the magnetometer is assumed to be 50 uT.
+// The tables below are the layouts. The axes of the case, S, are forward, left, up, so that the specific force at
+// rest is +9.81 in z; sensors, increments and magnetic field have these axes. By Xsens's default, attitude, free
+// acceleration and velocity are relative to east-north-up. Messages whose names end in _ned are relative to
+// north-east-down: this turns the local axes alone (RotLocal, MTi User Manual MT0605P.E, pages 45 and 46), so that a
+// level unit has a roll of 180 deg. Attitude, position and velocity are the truth's or, if the unit has its own
+// filter, the filter's solution. While the filter has no place, position and velocity are the receiver's. The
+// arbitrary unit of the magnetometer is assumed to be 50 uT.
 #include <cmath>
 
 #include "core/attitude.hpp"
@@ -52,13 +55,15 @@ double exponent(const Reading& reading) noexcept {
   return e;
 }
 template <int Axis>
+constexpr double direction = Axis == 0 ? 1 : -1;  // the sign of S's axis along P's
+template <int Axis>
 double mantissa(const Reading& reading) noexcept {
-  return std::ldexp(reading.delta_velocity[Axis], static_cast<int>(exponent(reading)));
+  return direction<Axis> * std::ldexp(reading.delta_velocity[Axis], static_cast<int>(exponent(reading)));
 }
 void put_exponent(double value, ReadBack& read) noexcept { read.scratch = value; }
 template <int Axis>
 void put_mantissa(double value, ReadBack& read) noexcept {
-  read.measurement.sample.delta_velocity[Axis] = std::ldexp(value, -static_cast<int>(read.scratch));
+  read.measurement.sample.delta_velocity[Axis] = direction<Axis> * std::ldexp(value, -static_cast<int>(read.scratch));
   read.components |= 1U << (9 + Axis);
 }
 constexpr MeasuredQuantity exponent_quantity = {
@@ -67,25 +72,31 @@ template <int Axis>
 constexpr MeasuredQuantity mantissa_quantity = {
     .name = "mantissa", .help = "", .get = mantissa<Axis>, .set = put_mantissa<Axis>, .is_increment = true};
 
-// Attitude relative to east-north-up, U.
-Quaternion q_UP(const Reading& reading) noexcept {
-  constexpr double half = 0.7071067811865476;
-  const Quaternion q = Quaternion(0, half, half, 0) * reading.sample.q_LP;
+// Attitude of the case relative to north-east-down, L, and to east-north-up, U. Of q and -q, the one with w >= 0.
+Quaternion with_positive_scalar(const Quaternion& q) noexcept {
   return q.w() < 0 ? Quaternion(-q.w(), -q.x(), -q.y(), -q.z()) : q;
 }
-template <int Index>
-double attitude(const Reading& reading) noexcept {
-  const Quaternion q = q_UP(reading);
+Quaternion q_LS(const Reading& reading) noexcept {
+  return with_positive_scalar(reading.sample.q_LP * Quaternion(0, 1, 0, 0));
+}
+Quaternion q_US(const Reading& reading) noexcept {
+  constexpr double half = 0.7071067811865476;
+  return with_positive_scalar(Quaternion(0, half, half, 0) * q_LS(reading));
+}
+using Attitude = Quaternion(const Reading&) noexcept;
+template <Attitude Of, int Index>
+double component(const Reading& reading) noexcept {
+  const Quaternion q = Of(reading);
   return Index == 0 ? q.w() : q.vec()[Index == 0 ? 0 : Index - 1];
 }
-template <int Index>
+template <Attitude Of, int Index>
 double euler_deg(const Reading& reading) noexcept {
-  return yaw_pitch_roll_from_dcm(q_UP(reading).conjugate().toRotationMatrix())[Index] / units::degree;
+  return yaw_pitch_roll_from_dcm(Of(reading).conjugate().toRotationMatrix())[Index] / units::degree;
 }
-template <int Index>
-constexpr MeasuredQuantity attitude_quantity = {.name = "q_UP", .help = "", .get = attitude<Index>};
-template <int Index>
-constexpr MeasuredQuantity euler_quantity = {.name = "euler", .help = "", .get = euler_deg<Index>};
+template <Attitude Of, int Index>
+constexpr MeasuredQuantity attitude_quantity = {.name = "attitude", .help = "", .get = component<Of, Index>};
+template <Attitude Of, int Index>
+constexpr MeasuredQuantity euler_quantity = {.name = "euler", .help = "", .get = euler_deg<Of, Index>};
 
 constexpr CanSignal own(std::string_view name, unsigned start, unsigned length, SignalEncoding encoding, double scale,
                         const MeasuredQuantity& quantity) {
@@ -103,51 +114,51 @@ constexpr CanSignal utc[] = {{"year", 7, 8, motorola_unsigned, 1, 2000, "utc_yea
                              {"second", 47, 8, motorola_unsigned, 1, 0, "utc_second"},
                              {"tenthms", 55, 16, motorola_unsigned, 100, 0, "utc_subsecond_us"}};
 constexpr CanSignal status_signals[] = {own("StatusWord", 7, 32, motorola_unsigned, 1, status_quantity)};
-constexpr CanSignal quaternion[] = {own("Q1", 7, 16, motorola_signed, 0x1p-15, attitude_quantity<0>),
-                                    own("Q2", 23, 16, motorola_signed, 0x1p-15, attitude_quantity<1>),
-                                    own("Q3", 39, 16, motorola_signed, 0x1p-15, attitude_quantity<2>),
-                                    own("Q4", 55, 16, motorola_signed, 0x1p-15, attitude_quantity<3>)};
-constexpr CanSignal quaternion_ned[] = {{"Q1", 7, 16, motorola_signed, 0x1p-15, 0, "q_LP_w"},
-                                        {"Q2", 23, 16, motorola_signed, 0x1p-15, 0, "q_LP_x"},
-                                        {"Q3", 39, 16, motorola_signed, 0x1p-15, 0, "q_LP_y"},
-                                        {"Q4", 55, 16, motorola_signed, 0x1p-15, 0, "q_LP_z"}};
-constexpr CanSignal euler[] = {own("roll", 7, 16, motorola_signed, 0x1p-7, euler_quantity<2>),
-                               own("pitch", 23, 16, motorola_signed, 0x1p-7, euler_quantity<1>),
-                               own("yaw", 39, 16, motorola_signed, 0x1p-7, euler_quantity<0>)};
-constexpr CanSignal euler_ned[] = {{"roll", 7, 16, motorola_signed, 0x1p-7, 0, "roll_deg"},
-                                   {"pitch", 23, 16, motorola_signed, 0x1p-7, 0, "pitch_deg"},
-                                   {"yaw", 39, 16, motorola_signed, 0x1p-7, 0, "yaw_deg"}};
+constexpr CanSignal quaternion[] = {own("Q1", 7, 16, motorola_signed, 0x1p-15, attitude_quantity<q_US, 0>),
+                                    own("Q2", 23, 16, motorola_signed, 0x1p-15, attitude_quantity<q_US, 1>),
+                                    own("Q3", 39, 16, motorola_signed, 0x1p-15, attitude_quantity<q_US, 2>),
+                                    own("Q4", 55, 16, motorola_signed, 0x1p-15, attitude_quantity<q_US, 3>)};
+constexpr CanSignal quaternion_ned[] = {own("Q1", 7, 16, motorola_signed, 0x1p-15, attitude_quantity<q_LS, 0>),
+                                        own("Q2", 23, 16, motorola_signed, 0x1p-15, attitude_quantity<q_LS, 1>),
+                                        own("Q3", 39, 16, motorola_signed, 0x1p-15, attitude_quantity<q_LS, 2>),
+                                        own("Q4", 55, 16, motorola_signed, 0x1p-15, attitude_quantity<q_LS, 3>)};
+constexpr CanSignal euler[] = {own("roll", 7, 16, motorola_signed, 0x1p-7, euler_quantity<q_US, 2>),
+                               own("pitch", 23, 16, motorola_signed, 0x1p-7, euler_quantity<q_US, 1>),
+                               own("yaw", 39, 16, motorola_signed, 0x1p-7, euler_quantity<q_US, 0>)};
+constexpr CanSignal euler_ned[] = {own("roll", 7, 16, motorola_signed, 0x1p-7, euler_quantity<q_LS, 2>),
+                                   own("pitch", 23, 16, motorola_signed, 0x1p-7, euler_quantity<q_LS, 1>),
+                                   own("yaw", 39, 16, motorola_signed, 0x1p-7, euler_quantity<q_LS, 0>)};
 // The exponent is decoded first.
 constexpr CanSignal delta_v[] = {own("Exponent", 55, 8, motorola_unsigned, 1, exponent_quantity),
                                  own("X", 7, 16, motorola_signed, 1, mantissa_quantity<0>),
                                  own("Y", 23, 16, motorola_signed, 1, mantissa_quantity<1>),
                                  own("Z", 39, 16, motorola_signed, 1, mantissa_quantity<2>)};
 constexpr CanSignal rate_of_turn[] = {{"gyrX", 7, 16, motorola_signed, rate_lsb, 0, "rate_x_rad_per_s"},
-                                      {"gyrY", 23, 16, motorola_signed, rate_lsb, 0, "rate_y_rad_per_s"},
-                                      {"gyrZ", 39, 16, motorola_signed, rate_lsb, 0, "rate_z_rad_per_s"}};
+                                      {"gyrY", 23, 16, motorola_signed, rate_lsb, 0, "-rate_y_rad_per_s"},
+                                      {"gyrZ", 39, 16, motorola_signed, rate_lsb, 0, "-rate_z_rad_per_s"}};
 constexpr CanSignal delta_q[] = {{"DeltaQ1", 7, 16, motorola_signed, 1.0 / 32767, 0, "rotation_w"},
                                  {"DeltaQ2", 23, 16, motorola_signed, 1.0 / 32767, 0, "rotation_x"},
-                                 {"DeltaQ3", 39, 16, motorola_signed, 1.0 / 32767, 0, "rotation_y"},
-                                 {"DeltaQ4", 55, 16, motorola_signed, 1.0 / 32767, 0, "rotation_z"}};
+                                 {"DeltaQ3", 39, 16, motorola_signed, 1.0 / 32767, 0, "-rotation_y"},
+                                 {"DeltaQ4", 55, 16, motorola_signed, 1.0 / 32767, 0, "-rotation_z"}};
 constexpr CanSignal acceleration[] = {{"accX", 7, 16, motorola_signed, force_lsb, 0, "specific_force_x_m_per_s2"},
-                                      {"accY", 23, 16, motorola_signed, force_lsb, 0, "specific_force_y_m_per_s2"},
-                                      {"accZ", 39, 16, motorola_signed, force_lsb, 0, "specific_force_z_m_per_s2"}};
+                                      {"accY", 23, 16, motorola_signed, force_lsb, 0, "-specific_force_y_m_per_s2"},
+                                      {"accZ", 39, 16, motorola_signed, force_lsb, 0, "-specific_force_z_m_per_s2"}};
 constexpr CanSignal free_acceleration[] = {
     {"FreeAccX", 7, 16, motorola_signed, force_lsb, 0, "free_acceleration_east_m_per_s2"},
     {"FreeAccY", 23, 16, motorola_signed, force_lsb, 0, "free_acceleration_north_m_per_s2"},
     {"FreeAccZ", 39, 16, motorola_signed, force_lsb, 0, "-free_acceleration_down_m_per_s2"}};
 constexpr CanSignal magnetic_field[] = {{"magX", 7, 16, motorola_signed, 0x1p-10, 0, "magnetic_field_x_au"},
-                                        {"magY", 23, 16, motorola_signed, 0x1p-10, 0, "magnetic_field_y_au"},
-                                        {"magZ", 39, 16, motorola_signed, 0x1p-10, 0, "magnetic_field_z_au"}};
+                                        {"magY", 23, 16, motorola_signed, 0x1p-10, 0, "-magnetic_field_y_au"},
+                                        {"magZ", 39, 16, motorola_signed, 0x1p-10, 0, "-magnetic_field_z_au"}};
 constexpr CanSignal temperature[] = {{"Temperature", 7, 16, motorola_signed, temperature_lsb, 0, "temperature_c"}};
 constexpr CanSignal pressure[] = {{"Pressure", 7, 32, motorola_unsigned, 0x1p-15, 0, "pressure_pa"}};
 constexpr CanSignal rate_hr[] = {{"HrGyrX", 7, 16, motorola_signed, rate_lsb, 0, "rate_x_rad_per_s"},
-                                 {"HrGyrY", 23, 16, motorola_signed, rate_lsb, 0, "rate_y_rad_per_s"},
-                                 {"HrGyrZ", 39, 16, motorola_signed, rate_lsb, 0, "rate_z_rad_per_s"}};
+                                 {"HrGyrY", 23, 16, motorola_signed, rate_lsb, 0, "-rate_y_rad_per_s"},
+                                 {"HrGyrZ", 39, 16, motorola_signed, rate_lsb, 0, "-rate_z_rad_per_s"}};
 constexpr CanSignal acceleration_hr[] = {
     {"HrAccX", 7, 16, motorola_signed, force_lsb, 0, "specific_force_x_m_per_s2"},
-    {"HrAccY", 23, 16, motorola_signed, force_lsb, 0, "specific_force_y_m_per_s2"},
-    {"HrAccZ", 39, 16, motorola_signed, force_lsb, 0, "specific_force_z_m_per_s2"}};
+    {"HrAccY", 23, 16, motorola_signed, force_lsb, 0, "-specific_force_y_m_per_s2"},
+    {"HrAccZ", 39, 16, motorola_signed, force_lsb, 0, "-specific_force_z_m_per_s2"}};
 constexpr CanSignal position[] = {{"latitude", 7, 32, motorola_signed, 0x1p-24, 0, "latitude_deg"},
                                   {"longitude", 39, 32, motorola_signed, 0x1p-23, 0, "longitude_deg"}};
 constexpr CanSignal altitude[] = {{"altEllipsoid", 7, 32, motorola_signed, 0x1p-15, 0, "height_m"}};

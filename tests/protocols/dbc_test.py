@@ -24,6 +24,15 @@ def vector(pattern, quantity, axes="XYZ"):
     return {pattern.format(axis): f"{quantity}_{axis.lower()}" for axis in axes}
 
 
+def negative(quantity):
+    return lambda sample, _: -sample[quantity]
+
+
+def forward_left_up(pattern, quantity):
+    """The signals X, Y, Z in the axes of a case whose y points to the left and whose z points up."""
+    return {pattern.format("X"): f"{quantity}_x", **{pattern.format(axis): negative(f"{quantity}_{axis.lower()}") for axis in "YZ"}}
+
+
 def gyro_out_of_range(axis):
     return lambda sample, _: sample["status"] >> "xyz".index(axis) & 1
 
@@ -157,7 +166,8 @@ def xsens_status(sample, _):
 
 
 def xsens_delta_v(axis):
-    return lambda sample, data: float(sample[f"delta_velocity_{axis}"]) * 2.0 ** (data[6] - 17)
+    sign = 1 if axis == "x" else -1  # forward, left, up
+    return lambda sample, data: sign * float(sample[f"delta_velocity_{axis}"]) * 2.0 ** (data[6] - 17)
 
 
 def xsens_exponent(sample, _):
@@ -167,10 +177,10 @@ def xsens_exponent(sample, _):
 
 
 def east_north_up(sample):
-    """The quaternion w, x, y, z of the platform relative to east-north-up."""
+    """The quaternion w, x, y, z of the case, whose axes are forward, left, up, relative to east-north-up."""
     w, x, y, z = (float(sample[f"q_LP_{c}"]) for c in "wxyz")
-    h = math.sqrt(0.5)  # (0, h, h, 0) times q_LP
-    q = (-h * x - h * y, h * w + h * z, h * w - h * z, h * y - h * x)
+    h = math.sqrt(0.5)  # (0, h, h, 0) times q_LP times (0, 1, 0, 0)
+    q = (-h * w - h * z, -h * x - h * y, h * y - h * x, h * z - h * w)
     return q if q[0] >= 0 else tuple(-c for c in q)
 
 
@@ -225,13 +235,13 @@ EXPECTED = {
         "second": "utc_second", "tenthms": "utc_subsecond", "StatusWord": xsens_status,
         **{f"Q{i + 1}": xsens_quaternion(i) for i in range(4)}, "roll": xsens_euler(0), "pitch": xsens_euler(1),
         "yaw": xsens_euler(2), "Exponent": xsens_exponent, **{axis: xsens_delta_v(axis.lower()) for axis in "XYZ"},
-        **vector("gyr{}", "rate"), **vector("HrGyr{}", "rate"), **vector("acc{}", "specific_force"),
-        **vector("HrAcc{}", "specific_force"), "DeltaQ1": "rotation_w", "DeltaQ2": "rotation_x", "DeltaQ3": "rotation_y",
-        "DeltaQ4": "rotation_z", "FreeAccX": "free_acceleration_east", "FreeAccY": "free_acceleration_north",
-        "FreeAccZ": lambda sample, _: -sample["free_acceleration_down"], **vector("mag{}", "magnetic_field"),
+        **forward_left_up("gyr{}", "rate"), **forward_left_up("HrGyr{}", "rate"), **forward_left_up("acc{}", "specific_force"),
+        **forward_left_up("HrAcc{}", "specific_force"), "DeltaQ1": "rotation_w", "DeltaQ2": "rotation_x",
+        "DeltaQ3": negative("rotation_y"), "DeltaQ4": negative("rotation_z"), "FreeAccX": "free_acceleration_east",
+        "FreeAccY": "free_acceleration_north", "FreeAccZ": negative("free_acceleration_down"), **forward_left_up("mag{}", "magnetic_field"),
         "Temperature": "temperature", "Pressure": "pressure", "latitude": "latitude", "longitude": "longitude",
         "altEllipsoid": "height", "velX": "velocity_east", "velY": "velocity_north",
-        "velZ": lambda sample, _: -sample["velocity_down"]},
+        "velZ": negative("velocity_down")},
     "bosch_mm5.dbc": {"YawRate": "rate_z", "RollRate": "rate_x", "AX": "specific_force_x", "AY": "specific_force_y",
                       "AZ": "specific_force_z"},
     "bosch_mm7.dbc": {

@@ -168,19 +168,25 @@ TEST(SignalDeviceTest, XsensFramesAreThoseOfTheVendorsDbc) {
   s.specific_force = {9.8086, 0, -9.8086};
   s.temperature_c = 25.5;
   s.pressure = 101'325;
-  s.q_LP = exp(Vector3(0, 0, units::pi / 2)) * Quaternion(0, 1, 0, 0);  // x points east, z up
   s.delta_velocity = {0.125, -0.0625, 0};
   s.navigation.v_L = {1, 2, -3};
   s.status = status::gyro_saturated_x << 2 | status::accelerometer_saturated_x;
-  EXPECT_EQ(xsens.now(), (Lines{"005#0012D687", "006#2345", "011#00082103", "021#7FFF000000000000",
-                                "022#000000000000", "031#4000E000000011", "032#0100FF800040", "034#09CF0000F631",
-                                "035#09CF0000EC62", "051#1980", "052#C5E68000", "076#0080004000C0"}));
+  EXPECT_EQ(xsens.now(), (Lines{"005#0012D687", "006#2345", "011#00082103", "021#5A82000000005A82",
+                                "022#000000002D00", "031#40002000000011", "032#01000080FFC0", "034#09CF000009CF",
+                                "035#000009CF0000", "051#1980", "052#C5E68000", "076#0080004000C0"}));
   s.delta_velocity.z() = -3;  // 2^-17 m/s would be too little: the exponent falls to 13
-  EXPECT_EQ(xsens.next(std::chrono::milliseconds(10))[5], "031#0400FE00A0000D");
+  EXPECT_EQ(xsens.next(std::chrono::milliseconds(10))[5], "031#0400020060000D");
+}
 
-  // Level, x to the north: half a turn about the axis between north and east, so that the first component is 0.
-  s.q_LP = Quaternion::Identity();
-  EXPECT_EQ(xsens.next(10ms)[3], "021#00005A825A820000");
+// Forward, left, up, also relative to north-east-down: roll 30 degrees and yaw 90 are -150 and 90 of the case.
+TEST(SignalDeviceTest, XsensSendsTheAxesOfItsCase) {
+  Sender xsens("xsens-can", "messages=quaternion_ned,euler_ned,delta_q,magnetic_field");
+  Sample& s = xsens.sample;
+  s.q_LP = exp(Vector3(0, 0, units::pi / 2)) * exp(Vector3(units::pi / 6, 0, 0));
+  s.magnetic_field = {50e-6, 25e-6, -12.5e-6};
+  s.delta_angle = {0, 0, units::pi / 2};
+  EXPECT_EQ(xsens.now(),
+            (Lines{"021#176DA893A893176D", "022#B50000002D00", "033#5A8200000000A57E", "041#0400FE000100"}));
 }
 
 // --- Schedule ---

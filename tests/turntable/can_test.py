@@ -346,6 +346,7 @@ messages = [{", ".join(f'"{name}"' for name in names)}]
 """))
     expect("xsens-can identifiers", sorted(groups), sorted(XSENS))
     to_enu = ((0, 1, 0), (1, 0, 0), (0, 0, -1))
+    case = ((1, 0, 0), (0, -1, 0), (0, 0, -1))  # forward, left, up
     for what, group in groups.items():
         form, lsb = XSENS[what]
         check(f"xsens-can {what:X} messages", len(group), SECONDS * hz + 1, 0)
@@ -354,16 +355,17 @@ messages = [{", ".join(f'"{name}"' for name in names)}]
                 continue  # the first sample has no increments
             t, t1 = k / hz, max(0, k - 1) / hz
             place, numbers = Place(t), struct.unpack(form, frame.data)
-            dcm = place.dcm_PL if ned else product(place.dcm_PL, to_enu)
+            dcm = product(case, place.dcm_PL if ned else product(place.dcm_PL, to_enu))
             yaw, pitch, roll = yaw_pitch_roll(dcm)
             turned_by = RATE * (t - t1)
+            turn, force = times(case, rate), times(case, specific_force(t))
             velocity_L, force_L = place.v_L, place.to_L(specific_force(t))
             wanted = {
                 0x05: (1e4 * t,), 0x06: (k,), 0x07: (25, 1, 4, 4, 26, 22 + int(t), t % 1 * 1e4), 0x11: (7,),
-                0x21: same_rotation(quaternion(dcm)), 0x22: scale(1 / DEG, (roll, pitch, yaw)), 0x31: delta_velocity(t1, t), 0x32: rate,
-                0x33: (math.cos(turned_by / 2), *scale(math.sin(turned_by / 2), AXIS)), 0x34: specific_force(t),
-                0x35: times(to_enu, (force_L[0], force_L[1], force_L[2] + G0)), 0x51: (TEMPERATURE,), 0x52: (place.pressure,), 0x61: rate,
-                0x62: specific_force(t), 0x76: times(to_enu, velocity_L)}[what]
+                0x21: same_rotation(quaternion(dcm)), 0x22: scale(1 / DEG, (roll, pitch, yaw)), 0x31: times(case, delta_velocity(t1, t)),
+                0x32: turn, 0x33: (math.cos(turned_by / 2), *scale(math.sin(turned_by / 2), times(case, AXIS))), 0x34: force,
+                0x35: times(to_enu, (force_L[0], force_L[1], force_L[2] + G0)), 0x51: (TEMPERATURE,), 0x52: (place.pressure,), 0x61: turn,
+                0x62: force, 0x76: times(to_enu, velocity_L)}[what]
             if what == 0x31:
                 got, lsb = scale(2.0**-numbers[3], numbers[:3]), 2.0**-numbers[3]
             else:
