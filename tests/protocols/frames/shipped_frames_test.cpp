@@ -130,6 +130,7 @@ TEST(ShippedFrames, SettingsSelectFurtherMessages) {
   for (const auto& [name, setting, size, selected] :
        {std::tuple{"hg4930", "INERTIAL_STATUS=version", 5 * 20 + 44, 5 * 20 + 44},
         {"hg4930", "CONTROL_STATUS=version", 5 * 20 + 44, 5 * 20 + 44},
+        {"kvh1750", "TEMPUNITS=F", 6 * 36, 6 * 36},
         {"anpp", "SYSTEM_STATE_HZ=1", 6 * 53, 6 * 53 + 105},
         {"novatel-raw", "INSPVAS_HZ=1", 6 * 56, 6 * 56 + 104},
         {"novatel-raw", "BESTGNSSPOS_HZ=1", 6 * 56, 6 * 56 + 104},
