@@ -23,10 +23,10 @@ struct FrameSource {
     quantity,       // in `in`
     alive_counter,  // counts the message
     frame_counter,  // counts all messages of the device
-    status,         // 1 if one of `bits` is set in Sample::status, or while the device is starting
+    status,         // 1 if one of `bits` is set: in Sample::status, or `starting`
     flag,           // 1 if the quantity in `in` is above 0 or, if there is a `limit`, below the limit
   };
-  static constexpr std::uint32_t starting = 0;  // `bits` of the state of the device
+  static constexpr std::uint32_t starting = 1U << 31;  // of `bits`: the state of the device, no bit of Sample::status
 
   Kind kind = Kind::constant;
   MeasuredIn in = {};

@@ -37,7 +37,8 @@ std::uint64_t repeated(std::byte byte) noexcept { return std::to_integer<std::ui
 }  // namespace
 
 bool is_set(std::uint32_t bits, const Reading& reading, const MessageLayout::State& state) noexcept {
-  return bits == FrameSource::starting ? state.is_starting : (reading.sample.status & bits) != 0;
+  return (((reading.sample.status & ~FrameSource::starting) | (state.is_starting ? FrameSource::starting : 0U)) &
+          bits) != 0;
 }
 
 std::uint64_t FrameLayout::rounded_time(const Field& field, std::int64_t ns) const noexcept {
@@ -213,11 +214,12 @@ std::optional<FrameLayout::Decoded> FrameLayout::decode(std::span<const std::byt
     }
     if (field.source == Source::status) {
       // A field that stands for several bits of the status is not read back.
-      if (!std::has_single_bit(field.status_bits)) continue;
+      const std::uint32_t status_bits = field.status_bits & ~FrameSource::starting;
+      if (!std::has_single_bit(status_bits)) continue;
       if ((bits != 0) != field.is_inverse)
-        measurement.sample.status |= field.status_bits;
+        measurement.sample.status |= status_bits;
       else
-        measurement.sample.status &= ~field.status_bits;
+        measurement.sample.status &= ~status_bits;
       measurement.fields |= Measurement::status;
       continue;
     }

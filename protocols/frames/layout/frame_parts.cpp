@@ -60,6 +60,14 @@ FrameSource source_in(std::string_view text) {
   if (bar == text.npos) return remainder_in(text);
   FrameSource source = remainder_in(text.substr(0, bar));
   const auto otherwise = number_in<double>(text.substr(bar + 1));
+  if (source.kind == FrameSource::Kind::status && !otherwise) {
+    const FrameSource other = source_in(text.substr(bar + 1));
+    if (other.kind != source.kind)
+      refuse_element("only bits of the status are joined by |, as in not_valid|starting");
+    source.bits |= other.bits;
+    source.name = text;
+    return source;
+  }
   if (!otherwise || !std::isfinite(*otherwise))
     refuse_element("after | comes the number that is sent without a solution of the unit's own, as in gnss_fix|1");
   if (source.kind != FrameSource::Kind::quantity || source.in.quantity->kind != MeasuredQuantity::Kind::number ||

@@ -114,7 +114,7 @@ inline constexpr int certain_digits = 15;
 FieldValue real_field(double value, bool is_negated, double modulus, int digits = certain_digits) noexcept;
 FieldValue integer_field(std::uint64_t magnitude, bool is_negative = false) noexcept;
 
-// Returns the value of a bit of the status, or of FrameSource::starting.
+// Returns true if one of these bits of the status, or FrameSource::starting, is set.
 bool is_set(std::uint32_t bits, const Reading& reading, const MessageLayout::State& state) noexcept;
 
 }  // namespace imud

@@ -223,11 +223,12 @@ bool TextLayout::read_field(std::size_t index, std::string_view text, ReadBack& 
   }
   if (source.kind == Source::alive_counter || source.kind == Source::frame_counter) return true;
   if (source.kind == Source::status) {
-    if (!std::has_single_bit(source.bits)) return true;
+    const std::uint32_t bits = source.bits & ~FrameSource::starting;
+    if (!std::has_single_bit(bits)) return true;
     const auto number = piece.format.read(text);
     const bool is_one = number ? *number != 0 : piece.format.is_above(text);
-    measurement.sample.status &= ~source.bits;
-    if (is_one != source.is_inverse) measurement.sample.status |= source.bits;
+    measurement.sample.status &= ~bits;
+    if (is_one != source.is_inverse) measurement.sample.status |= bits;
     measurement.fields |= Measurement::status;
     return true;
   }

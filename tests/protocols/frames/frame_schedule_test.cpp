@@ -1,6 +1,7 @@
 // When messages are sent, and how a stream of several messages is decoded.
 #include "core/units.hpp"
 #include "tests/protocols/frames/frame_unit.hpp"
+#include "tests/support/text.hpp"
 
 namespace imud {
 namespace {
@@ -157,16 +158,17 @@ TEST(FrameSchedule, MessagesCoincideByTheirPhases) {
 }
 
 TEST(FrameSchedule, ADeviceStartsUp) {
-  Line line =
-      frame_line("start = {silent_s = 0.3, until_s = 0.4, pattern = 0x55}\n" +
-                 one_message("A5\nrate_x_deg_per_s:i16*0.01\ntemperature_c:i8\nbits:u8:0=starting,7=!starting"));
+  Line line = frame_line(
+      "start = {silent_s = 0.3, until_s = 0.4, pattern = 0x55}\n" +
+      one_message(
+          "A5\nrate_x_deg_per_s:i16*0.01\ntemperature_c:i8\nbits:u8:0=starting,6=!not_valid|starting,7=!starting"));
   const auto at = [](std::int64_t ms) {
     Sample sample = nth(0);
     sample.time.ns = ms * 1'000'000;
     sample.counter = static_cast<std::uint64_t>(ms);
     return sample;
   };
-  const auto pattern = hex_bytes("A5 55 55 14 01"), good = hex_bytes("A5 64 00 14 80");
+  const auto pattern = hex_bytes("A5 55 55 14 01"), good = hex_bytes("A5 64 00 14 C0");
   const auto starts_up = [&](std::int64_t since) {
     EXPECT_TRUE(bytes_of(line, at(since)).empty());
     EXPECT_TRUE(bytes_of(line, at(since + 299)).empty());
@@ -180,6 +182,11 @@ TEST(FrameSchedule, ADeviceStartsUp) {
   line.device->power_on({9'000'000'000});
   line.device->step_clock(std::chrono::seconds(-4));
   starts_up(5000);
+  Sample invalid = at(5500);
+  invalid.status = status::not_valid;
+  EXPECT_EQ(bytes_of(line, invalid), hex_bytes("A5 64 00 14 80"));
+  EXPECT_TRUE(contains(faults_of(one_message("A5\nbits:u8:0=starting|rate_x_deg_per_s")),
+                       "only bits of the status are joined by |, as in not_valid|starting"));
   EXPECT_EQ(faults_of("start = {silent_s = 1, until_s = 0.5}\n" + one_message("A5")),
             "test.toml:1: start.until_s: give more than silent_s, during which nothing is sent");
 }

@@ -162,6 +162,30 @@ TEST(ShippedFrames, SettingsSelectFurtherMessages) {
   }
 }
 
+// The byte with the state of the start: HG4930, mode of the built-in test; KVH 1750, sensors whose data are valid.
+TEST(ShippedFrames, StateTheirStart) {
+  struct Case {
+    const char* name;
+    std::size_t at;
+    std::uint8_t mask, starting, started;
+    std::int64_t silent_ms, until_ms;
+  };
+  for (const Case& one :
+       {Case{"hg4930", 14, 0x0C, 0x00, 0x04, 300, 400}, {"kvh1750", 28, 0xFF, 0x70, 0x77, 0, 1250}}) {
+    SCOPED_TRACE(one.name);
+    Line line(protocol_named("frame"), frame_settings(read_frames(one.name)));
+    const auto state = [&](std::int64_t ms) {
+      Sample sample = typical();
+      sample.time.ns = 1'000'000 * ms;
+      const std::vector<std::byte> bytes = bytes_of(line, sample);
+      return one.at < bytes.size() ? std::to_integer<int>(bytes[one.at]) & one.mask : -1;
+    };
+    EXPECT_EQ(state(one.silent_ms), one.starting);
+    EXPECT_EQ(state(one.until_ms - 1), one.starting);
+    EXPECT_EQ(state(one.until_ms), one.started);
+  }
+}
+
 // Each bit of a frame in error, between good frames: no wrong number, and the good frames are found.
 TEST(ShippedFrames, RefuseEveryBitInError) {
   const std::set<std::string_view> slow = {"sensaition-ins", "um7", "witmotion", "mavlink-hil", "mavlink-imu"};
