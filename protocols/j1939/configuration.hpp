@@ -52,6 +52,7 @@ struct Model {
   bool rounds;                                // to nearest; false: down
   bool has_merits;                            // false: figures of merit are "not available", and ACCS has no latency
   bool pads;                                  // each frame has 8 bytes, padded with 0xAA
+  Nanoseconds claim_period;                   // between repeated address claims; 0: claims are not repeated
   double gyro_max, gyro_noise;                // rad/s, rad/s/sqrt(Hz)
   double accelerometer_max, accelerometer_noise;  // m/s^2, m/s^2/sqrt(Hz)
 };

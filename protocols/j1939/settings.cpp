@@ -65,8 +65,9 @@ constinit const Setting declared_settings[25] = {
                     "time after an address claim in which the unit sends nothing else; J1939 requires 250", 250, 0,
                     1000),
     integer_setting("claim_period_ms",
-                    "time between repeated address claims (OpenIMU300RI: 1000); 0: claims are not repeated", 0, 0,
-                    60'000),
+                    "time between repeated address claims; 0: claims are not repeated; -1: as the model's firmware, "
+                    "1000 of an OpenIMU300RI, 0 of an OpenIMU335RI",
+                    -1, -1, 60'000),
     integer_setting("packet_rate", "divider of 100 Hz: 1, 2, 4, 5, 10, 20, 25 or 50; 0: no output", 1, 0, 50),
     list_setting("packet_types",
                  "messages: ssi2, ari, accs; OpenIMU335RI: ari_hr, accs_hr, ssi; OpenIMU300RI: mag, position",
@@ -110,7 +111,9 @@ Unit unit_of(const Settings& settings) {
                .industry_group = natural(settings, "name_industry_group"),
                .arbitrary_address = settings.flag("name_arbitrary_address")};
   unit.claim_wait = std::chrono::milliseconds(settings.integer("claim_wait_ms"));
-  unit.claim_period = std::chrono::milliseconds(settings.integer("claim_period_ms"));
+  const std::int64_t claim_period_ms = settings.integer("claim_period_ms");
+  unit.claim_period =
+      claim_period_ms < 0 ? unit.model->claim_period : Nanoseconds(std::chrono::milliseconds(claim_period_ms));
   const std::string& order = settings.text("request_byte_order");
   unit.request_order = static_cast<ByteOrder>(std::ranges::find(byte_orders, order) - std::begin(byte_orders));
   unit.has_texts = settings.text("identification") == "j1939";

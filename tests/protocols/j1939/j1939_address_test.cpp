@@ -31,6 +31,9 @@ TEST(J1939AddressTest, BuildsTheNameOfItsFields) {
 TEST(J1939AddressTest, RepeatsItsClaim) {
   Unit unit("claim_period_ms=1000");
   EXPECT_EQ(count_of(unit.run(5s), claim), 6U);
+  EXPECT_EQ(count_of(Unit().run(5s), claim), 1U);
+  EXPECT_EQ(count_of(Unit("model=openimu300ri").run(5s), claim), 6U) << "as its firmware is delivered";
+  EXPECT_EQ(count_of(Unit("model=openimu300ri claim_period_ms=0").run(5s), claim), 1U);
 }
 
 TEST(J1939AddressTest, DefendsItsAddressAgainstAHigherName) {
