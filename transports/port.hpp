@@ -49,7 +49,7 @@ struct PortSettings {
   // A listener of UDP only: receives the datagrams of this sender alone, and counts others as foreign.
   std::optional<Endpoint> from;
   // True: a regular file is written beside the old file and replaces it at commit(). False: the old file is
-  // truncated at once.
+  // truncated at the first flush().
   bool replaces_file = false;
 };
 

@@ -27,6 +27,13 @@ ChosenPorts chosen_ports(const Engine& engine) {
   return all;
 }
 
+void empty_files(std::span<const std::unique_ptr<Channel>> channels) noexcept {
+  for (const auto& channel : channels) {
+    for (const DeviceLine& line : channel->lines.all()) line.port->flush();
+    for (const DeviceLine& copy : channel->lines.copies().lines()) copy.port->flush();
+  }
+}
+
 bool drain(Engine& engine, std::chrono::milliseconds readers) noexcept {
   constexpr std::chrono::milliseconds lines(500);
   const auto channels = engine.channels();

@@ -16,6 +16,9 @@ namespace imud {
 using ChosenPorts = std::vector<std::pair<std::string, std::string>>;
 ChosenPorts chosen_ports(const Engine& engine);
 
+// Empties the files that the ports write in place, by Port::flush(). Called when all that a run opens is open.
+void empty_files(std::span<const std::unique_ptr<Channel>> channels) noexcept;
+
 // Waits up to `readers` until the readers have read everything, or up to 500 ms until paced lines have sent
 // everything; the rest counts as dropped. Returns false if a reader is known not to have read everything.
 bool drain(Engine& engine, std::chrono::milliseconds readers) noexcept;

@@ -35,7 +35,7 @@ FileDescriptor open_to_write(const std::string& path, int flags) {
 
 TextFile::TextFile(const std::string& path) : path_(path) {
   if (path.empty()) return;
-  file_ = path == "-" ? FileDescriptor(::fcntl(STDOUT_FILENO, F_DUPFD_CLOEXEC, 0)) : open_to_write(path, O_TRUNC);
+  file_ = path == "-" ? FileDescriptor(::fcntl(STDOUT_FILENO, F_DUPFD_CLOEXEC, 0)) : open_to_write(path, 0);
   if (!file_) fail<OpenError>(path_);
 }
 

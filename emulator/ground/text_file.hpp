@@ -17,7 +17,7 @@ struct OpenError : std::runtime_error {
 class TextFile {
  public:
   TextFile() = default;  // writes nothing
-  // Opens and empties `path`; "-" is standard output, and for "" nothing is written. Throws OpenError.
+  // Opens `path`, whose content stays until replace(). "-" is standard output; "": no output. Throws OpenError.
   explicit TextFile(const std::string& path);
   static TextFile standard_error();
 

@@ -2,6 +2,7 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -11,6 +12,7 @@
 #include <utility>
 
 #include "emulator/ground/text_file.hpp"
+#include "transports/file/file_lock.hpp"
 
 namespace imud {
 
@@ -19,9 +21,20 @@ namespace {
 constexpr std::size_t large_batch = 256 * 1024;
 constexpr std::string_view suffix = ".pcapng";
 
+[[noreturn]] void fail(const std::string& path, int error) {
+  throw OpenError(error == EWOULDBLOCK ? fmt::format("{}: is written by another process; give another file", path)
+                                       : fmt::format("{}: {}", path, std::strerror(error)));
+}
+
+// Empties a regular file.
+void empty(int file) noexcept {
+  struct stat status {};
+  if (::fstat(file, &status) == 0 && S_ISREG(status.st_mode) && ::ftruncate(file, 0) != 0) errno = 0;
+}
+
 FileDescriptor create(const std::string& path) {
   if (path == "-") return FileDescriptor(::fcntl(STDOUT_FILENO, F_DUPFD_CLOEXEC, 0));
-  return FileDescriptor(::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC | O_NOCTTY, 0666));
+  return FileDescriptor(::open(path.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC | O_NOCTTY, 0666));
 }
 
 }  // namespace
@@ -30,7 +43,7 @@ RecordFile::RecordFile(const RecordOptions& options, RecordCounters& counters)
     : options_(options), counters_(counters) {
   batch_.reserve(2 * large_batch);
   packet_.reserve(large_batch);
-  if (!open_next()) throw OpenError(fmt::format("{}: {}", path_, std::strerror(errno)));
+  if (!open_next()) fail(path_, errno);
 }
 
 std::string RecordFile::numbered(std::uint64_t number) const {
@@ -45,6 +58,11 @@ bool RecordFile::open_next() {
   path_ = numbered(number_ + 1);
   FileDescriptor next = create(path_);
   if (!next) return false;
+  if (path_ != "-" && !lock_file(next.get())) {
+    errno = EWOULDBLOCK;
+    return false;
+  }
+  if (number_ > 0) empty(next.get());
   file_ = std::move(next);
   ++number_;
   size_ = 0;
@@ -56,6 +74,7 @@ bool RecordFile::open_next() {
 }
 
 void RecordFile::begin(Head head, HostTime now) {
+  if (path_ != "-") empty(file_.get());
   head_ = std::move(head);
   time_ns_ = now.ns + head_.offset_ns;
   append_head();

@@ -25,7 +25,7 @@ struct RecordOptions {
 // thread, except for the counters.
 class RecordFile {
  public:
-  // Creates the file, or FILE-00001.pcapng of FILE.pcapng if max_bytes is set. Throws OpenError.
+  // Opens and locks FILE.pcapng, or FILE-00001.pcapng if max_bytes is set. begin() empties it. Throws OpenError.
   RecordFile(const RecordOptions& options, RecordCounters& counters);
 
   // The head of each file.
@@ -36,7 +36,7 @@ class RecordFile {
     std::uint8_t flags = 0;                   // of the event `begin`
     Endpoint truth;                           // the truth port's own address, for the headers of its datagrams
   };
-  // Writes the head of the first file, at host time `now`.
+  // Replaces an older record: writes the head of the first file, at host time `now`.
   void begin(Head head, HostTime now);
   // Adds a packet to the batch, which is written when it is large.
   void add(const PacketRing::Head& head, std::span<const std::byte> bytes);

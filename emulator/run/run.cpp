@@ -172,8 +172,7 @@ int run(const Config& config, const RunOptions& options) {
       throw OpenError(fault);
   asio::signal_set others(io, SIGUSR1, SIGUSR2, SIGHUP);
   TextFile summary_file(options.summary_file), labels_file(options.labels_file), junit_file(options.junit_file);
-  // The file of a killed run must not look like the file of a whole run.
-  if (summary_file.is_regular()) summary_file.replace("{\"complete\": false, \"ended_by\": null}\n");
+  TextFile quality_file(options.monitor.quality_file);  // The Monitor opens it again.
 
   std::optional<RealtimeProcess> process;
   if (config.clock == ClockMode::realtime) {
@@ -188,7 +187,6 @@ int run(const Config& config, const RunOptions& options) {
                      .control = &control,
                      .threads = options.threads.value_or(usable_processors() > 1 ? 3 : 1)});
   Engine& engine = assembly.engine();
-  if (recorder) recorder->start(!is_capture(config.truth.port), config.resolved());
   log_details(config);
   if (const unsigned threads = assembly.threads(); threads > 1)
     spdlog::info("the replay is computed by {} threads", threads);
@@ -202,6 +200,12 @@ int run(const Config& config, const RunOptions& options) {
     return all;
   };
   const ChosenPorts chosen = chosen_ports();
+  // All is open. A run that cannot begin leaves the results of the run before as they are.
+  if (recorder) recorder->start(!is_capture(config.truth.port), config.resolved());
+  empty_files(engine.channels());
+  // The file of a killed run must not look like the file of a whole run.
+  if (summary_file.is_regular()) summary_file.replace("{\"complete\": false, \"ended_by\": null}\n");
+  for (TextFile* file : {&labels_file, &junit_file, &quality_file}) file->replace("");
   std::atomic<std::uint64_t> host_uses = 0;
   report_ready(chosen, options.ready_fd);
   const bool is_unpaced = config.clock != ClockMode::realtime && is_capture(config.truth.port);

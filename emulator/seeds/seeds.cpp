@@ -297,11 +297,12 @@ int replay_seeds(const Config& config, const RunOptions& options, const SeedsOpt
   check_seed_ports(config, options.repeats, seeds.seeds && seeds.seeds->size() > 1, !seeds.npy.empty());
   check_seed_files(config, options);
   TextFile summary_file(options.summary_file), labels_file(options.labels_file);
-  if (summary_file.is_regular()) summary_file.replace("{\"complete\": false, \"ended_by\": null}\n");
-
   Runs runs(config, options, seeds);
   const unsigned jobs = seeds.jobs > 0 ? seeds.jobs : usable_processors();
   runs.divide(jobs);
+  // All is open. A command that cannot begin leaves the results of the command before as they are.
+  if (summary_file.is_regular()) summary_file.replace("{\"complete\": false, \"ended_by\": null}\n");
+  labels_file.replace("");
   bool is_whole = false;
   SeedResults results(!options.summary_file.empty(), runs.parts(), config.faults);
   ProgressLine progress(!seeds.quiet);

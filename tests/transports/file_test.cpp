@@ -36,6 +36,8 @@ TEST(File, OldContentGoesAndFramesComeInOrder) {
   NumberedFrames frames;
   {
     const auto port = open_port("file:" + path, Role::device);
+    EXPECT_EQ(content_of(path).size(), 5'000'000U) << "until the run begins";
+    port->flush();
     EXPECT_EQ(content_of(path), "");
     for (int i = 0; i < 3000; ++i) port->send(frames.next(4));
     port->flush();
@@ -47,6 +49,17 @@ TEST(File, OldContentGoesAndFramesComeInOrder) {
   feed_file(reader, path);
   EXPECT_EQ(reader.numbers.size(), 12004U);
   EXPECT_EQ(reader.broken + reader.unfinished(), 0U);
+}
+
+TEST(File, OnePortWritesAFile) {
+  const ScratchFolder folder;
+  const std::string text = "file:" + folder / "out";
+  {
+    const auto port = open_port(text, Role::device);
+    EXPECT_TRUE(mentions(error_of(text, Role::device), "is written by another process"));
+    EXPECT_EQ(error_of(text, Role::listener), "") << "a reader needs no lock";
+  }
+  EXPECT_EQ(error_of(text, Role::device), "");
 }
 
 TEST(File, FramesAreGatheredUntilFlushed) {

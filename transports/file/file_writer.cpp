@@ -9,6 +9,7 @@
 #include <csignal>
 #include <cstring>
 
+#include "transports/file/file_lock.hpp"
 #include "transports/file/output_path.hpp"
 
 namespace imud {
@@ -44,11 +45,13 @@ void FileWriter::open(const PortSpec& spec, const std::string& path, bool replac
     replacement_.emplace(spec, *target);
     file_.reset(::fcntl(replacement_->descriptor(), F_DUPFD_CLOEXEC, 0));
   } else {
-    file_.reset(::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_NONBLOCK | O_CLOEXEC | O_NOCTTY, 0666));
+    file_.reset(::open(path.c_str(), O_WRONLY | O_CREAT | O_NONBLOCK | O_CLOEXEC | O_NOCTTY, 0666));
+    has_old_ = file_ && is_regular(file_.get());
   }
   if (!file_)
     throw spec.error(fmt::format("cannot write it: {}{}", std::strerror(errno),
                                  errno == ENXIO ? "; a pipe needs its reader first" : ""));
+  if (has_old_ && !lock_file(file_.get())) throw spec.error("is written by another process; give another file");
 }
 
 void FileWriter::send(std::span<const Frame> frames) noexcept {
@@ -70,6 +73,7 @@ void FileWriter::send(std::span<const Frame> frames) noexcept {
 }
 
 void FileWriter::flush() noexcept {
+  if (has_old_ && ::ftruncate(file_.get(), 0) == 0) has_old_ = false;
   if (is_idle()) return;  // the last write has set the state
   const std::uint64_t dropped = counters_.dropped;
   const auto [taken, error] = writer_.write_some(file_.get(), {held_.data(), held_count_}, counters_);

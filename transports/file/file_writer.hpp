@@ -16,12 +16,15 @@ namespace imud {
 
 // Frames for a regular file are gathered in a buffer. With Delivery::complete, frames for a pipe or a device are
 // gathered, too. With Delivery::timely, a pipe or a device gets each frame at once, and the port never waits for
-// the reader. The address - is standard output.
+// the reader. The address - is standard output. A regular file that is written in place is locked, and keeps its old
+// content until the first flush(): a run that cannot begin leaves the file as it was.
 class FileWriter : public Port {
  public:
-  // Throws PortError.
+  // Throws PortError, also if another process writes the file.
   FileWriter(const PortSpec& spec, const PortSettings& settings);
-  ~FileWriter() override { FileWriter::flush(); }
+  ~FileWriter() override {
+    if (!is_idle()) FileWriter::flush();
+  }
 
   void send(std::span<const Frame> frames) noexcept override;
   std::optional<Received> receive() noexcept override { return std::nullopt; }
@@ -54,6 +57,7 @@ class FileWriter : public Port {
   std::optional<FileReplacement> replacement_;
   FileDescriptor file_;
   bool regular_ = false;
+  bool has_old_ = false;  // a file that is written in place has its old content
   bool gathers_ = false;  // frames are written when the buffer is full, and by flush()
   ByteWriter writer_;
   std::vector<std::byte> buffer_ = std::vector<std::byte>(buffer_size);
