@@ -34,6 +34,8 @@ std::string file_of(const std::string& port) {
 void check_files(Config& config, const std::string& path, const toml::array& tables, Faults& faults) {
   if (path != "-") config.files.add(regular_file(path), "the file of the configuration");
   config.files.add(file_of(config.truth.port), "the file of the truth");
+  for (const Faults::NamedFile& file : faults.named_files())
+    config.files.add(regular_file(file.path), fmt::format("the file of {}", file.key));
   const FilesInUse inputs = config.files;
   for (std::size_t i = 0; i < config.imus.size(); ++i) {
     for (const auto& [port_key, port] : ports_of(config.imus[i])) {

@@ -41,7 +41,7 @@ std::string path_of(const std::string& port);
 std::string file_of(const std::string& port);
 
 // Lists the files in config.files. Adds a fault for each imu that would write over the configuration, which was read
-// from `path`, or over the truth.
+// from `path`, over a file that it names, over the truth, or over a file that is in config.files already.
 void check_files(Config& config, const std::string& path, const toml::array& tables, Faults& faults);
 
 // Returns the UDP port on which a listener at `port` receives; nullopt if it receives on all or none, if the system

@@ -344,10 +344,10 @@ Config read_config(ConfigText text, const std::string& path, const std::string& 
     if (config.clock == ClockMode::fast) set_collecting(config.imus);
     set_bounds(config.imus, config.truth.bounds);
     check_imus_together(config.imus, config.truth.port, *array, faults);
-    check_files(config, path, *array, faults);
   }
   std::vector<std::string> of_scenarios;
   read_scenarios(table, scenarios, faults, config, of_scenarios);
+  if (!config.imus.empty()) check_files(config, path, *array, faults);
   table.finish();
   std::vector<std::string> all_faults = faults.by_line();
   all_faults.insert(all_faults.end(), of_scenarios.begin(), of_scenarios.end());

@@ -146,6 +146,8 @@ void read_scenarios(TableReader& table, std::span<const std::string> scenarios, 
     scenario.finish();
     config.sha256 = sha256(config.sha256 + text.sha256);
     config.files.add(regular_file(path), "the file of a scenario");
+    for (const Faults::NamedFile& file : of_scenario.named_files())
+      config.files.add(regular_file(file.path), fmt::format("the file of {}", file.key));
     wrong.insert(wrong.end(), of_scenario.all().begin(), of_scenario.all().end());
   }
   if (!resolved_faults.empty()) table.resolve("fault", std::move(resolved_faults));

@@ -61,13 +61,19 @@ void TableReader::warn(std::string_view key, std::string_view what) {
 }
 
 std::string file_named(TableReader& table, std::string_view key, const std::string& path) {
+  if (path.empty()) return path;
   const std::string& file = table.faults_.file();
-  if (path.empty() || file.empty() || file == "-") return path;
-  const std::filesystem::path beside = std::filesystem::path(file).parent_path() / path;
-  std::error_code none;
-  if (!std::filesystem::exists(beside, none) && std::filesystem::exists(path, none)) return path;
-  table.resolve(key, beside.string());
-  return beside.string();
+  std::string named = path;
+  if (!file.empty() && file != "-") {
+    const std::filesystem::path beside = std::filesystem::path(file).parent_path() / path;
+    std::error_code none;
+    if (std::filesystem::exists(beside, none) || !std::filesystem::exists(path, none)) {
+      named = beside.string();
+      table.resolve(key, named);
+    }
+  }
+  table.faults_.add_named_file(table.path_ + std::string(key), named);
+  return named;
 }
 
 void require(TableReader& table, std::string_view key, std::string_view what_it_is) {

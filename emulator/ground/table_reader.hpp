@@ -17,7 +17,7 @@
 
 namespace imud {
 
-// The faults of one file, and the warnings, in the order in which they were found.
+// The faults of one file, the warnings, and the files that it names, in the order in which they were found.
 class Faults {
  public:
   // `file` is empty if there is none; the texts have no line then.
@@ -35,6 +35,14 @@ class Faults {
     warnings_.push_back(text(line, key, what));
   }
   const std::vector<std::string>& warnings() const { return warnings_; }
+  // Adds a file that the value of `key` names.
+  struct NamedFile {
+    std::string key, path;
+  };
+  void add_named_file(std::string key, std::string path) {
+    named_files_.push_back({std::move(key), std::move(path)});
+  }
+  const std::vector<NamedFile>& named_files() const { return named_files_; }
   // The file; empty if there is none, and - if it is standard input.
   const std::string& file() const noexcept { return file_; }
 
@@ -45,6 +53,7 @@ class Faults {
   std::vector<std::string> all_;
   std::vector<std::uint32_t> lines_;  // of all_
   std::vector<std::string> warnings_;
+  std::vector<NamedFile> named_files_;
 };
 
 // Each getter returns the value of the key, or `fallback` if the key is absent. A value of the wrong type, shape or
@@ -129,7 +138,8 @@ inline bool is_text(TableReader& table, std::string_view key) {
 // Returns the readers of the tables of a list, such as [[imu.cause]]; none if the key is absent. `heading` is the
 // tables' in the fault of another value.
 std::vector<TableReader> children(TableReader& table, std::string_view key, std::string_view heading);
-// Returns the path of the file that `key` names by `path`, and resolves the key as this path. `path` is relative to
+// Returns the path of the file that `key` names by `path`, resolves the key as this path, and adds the file to the
+// named files. `path` is relative to
 // the folder of the file that has the table. If nothing is there, but something is there relative to the current
 // folder, `path` is relative to the current folder. An absolute path, and an empty one, are returned unchanged.
 std::string file_named(TableReader& table, std::string_view key, const std::string& path);

@@ -114,6 +114,16 @@ TEST_F(FileKeys, AreFromTheFolderOfTheConfiguration) {
   }
 }
 
+// No output overwrites them.
+TEST_F(FileKeys, AreFilesInUse) {
+  for (const FileKey& key : file_keys) {
+    const std::string file = folder_ / "below/mine.toml";
+    std::ofstream(file) << key.content;
+    const std::string use = std::regex_replace("the file of " + key.key, std::regex("imu\\."), "imu.0.");
+    EXPECT_EQ(load_config(config_of(key, "mine.toml")).files.use_of(file), use);
+  }
+}
+
 // A fault's settings of another unit, in a scenario of another folder.
 TEST_F(FileKeys, OfAScenarioAreFromItsFolder) {
   fs::create_directories(std::string(folder_ / "scenarios"));
@@ -126,6 +136,7 @@ TEST_F(FileKeys, OfAScenarioAreFromItsFolder) {
   const std::vector<std::string> scenarios = {folder_ / "scenarios/swap.toml"};
   const Config config = load_config(config_of(frames, "mine.toml"), {}, {}, scenarios);
   EXPECT_TRUE(contains(config.resolved(), std::string(folder_ / "scenarios/mine.toml"))) << config.resolved();
+  EXPECT_EQ(config.files.use_of(folder_ / "scenarios/mine.toml"), "the file of fault.0.device.frame_file");
 }
 
 // The reference states the rule once, and lists the keys; the settings of the protocols are among them.

@@ -54,6 +54,37 @@ TEST_F(RunFiles, FiguresAreNotWrittenOverAnotherFileOfTheRun) {
   EXPECT_FALSE(std::filesystem::exists(path("out.csv")));
 }
 
+// Neither an option nor a port writes over a file that the configuration or the command line names as an input.
+TEST_F(RunFiles, AFileThatTheConfigurationNamesIsNotWrittenOver) {
+  ASSERT_EQ(run_program("imu-truth", {"spiral", "--csv", path("truth.csv"), "--for", "1"}).exit_code, 0);
+  const std::string c = config("fast", "file:" + path("truth.csv"), "csv", 100, "csv", "file:" + path("out.csv"));
+  const std::string model = write("mine.toml",
+                                  "# mine\n# no document\n[imu.gyro]\nmax_deg_per_s = 400\n[imu.accelerometer]\n"
+                                  "max_g = 10\n");
+  const std::string token = write("token", "0123456789abcdef\n"), scenario = write("scenario.toml", "fault = []\n");
+  const std::vector<std::string> run = {"run",        c,
+                                        "--set",      "imu.0.model=" + model,
+                                        "--set",      "web.listen=127.0.0.1:0",
+                                        "--set",      "web.token_file=" + token,
+                                        "--scenario", scenario};
+  for (const auto& [file, use] :
+       {std::pair(model, "imu.0.model"), {token, "web.token_file"}, {scenario, "a scenario"}}) {
+    const std::string content = read_file(file);
+    std::vector<std::vector<std::string>> writers = {{"--set", "imu.0.port=file:" + file},
+                                                     {"--set", fmt::format("imu.0.also=[\"file:{}\"]", file)}};
+    for (const std::string& option : file_options()) writers.push_back({option, file});
+    for (const std::vector<std::string>& writer : writers) {
+      std::vector<std::string> arguments = run;
+      arguments.insert(arguments.end(), writer.begin(), writer.end());
+      const ProgramResult refused = run_program("imud", arguments);
+      EXPECT_EQ(refused.exit_code, 2) << writer[0] << file;
+      EXPECT_NE(refused.errors.find(fmt::format("is the file of {}; give another", use)), std::string::npos)
+          << refused.errors;
+      EXPECT_EQ(read_file(file), content) << writer[0];
+    }
+  }
+}
+
 // An option whose file nothing opens, or nothing writes, compiles.
 TEST_F(RunFiles, EveryOptionThatNamesAFileWritesIt) {
   ASSERT_EQ(run_program("imu-truth", {"spiral", "--csv", path("truth.csv"), "--for", "1"}).exit_code, 0);
