@@ -8,10 +8,10 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
-#include <string_view>
 #include <utility>
 
 #include "emulator/ground/text_file.hpp"
+#include "emulator/record/record_pieces.hpp"
 #include "transports/file/file_lock.hpp"
 
 namespace imud {
@@ -19,7 +19,6 @@ namespace imud {
 namespace {
 
 constexpr std::size_t large_batch = 256 * 1024;
-constexpr std::string_view suffix = ".pcapng";
 
 [[noreturn]] void fail(const std::string& path, int error) {
   throw OpenError(error == EWOULDBLOCK ? fmt::format("{}: is written by another process; give another file", path)
@@ -43,14 +42,16 @@ RecordFile::RecordFile(const RecordOptions& options, RecordCounters& counters)
     : options_(options), counters_(counters) {
   batch_.reserve(2 * large_batch);
   packet_.reserve(large_batch);
+  for (const std::string& piece : pieces_of(options_)) {
+    const FileDescriptor file(::open(piece.c_str(), O_WRONLY | O_NONBLOCK | O_CLOEXEC | O_NOCTTY));
+    if (!lock_file(file.get())) fail(piece, EWOULDBLOCK);
+  }
   if (!open_next()) fail(path_, errno);
 }
 
 std::string RecordFile::numbered(std::uint64_t number) const {
   if (options_.max_bytes == 0) return options_.file;
-  std::string_view stem = options_.file;
-  if (stem.ends_with(suffix)) stem.remove_suffix(suffix.size());
-  return fmt::format("{}-{:05}{}", stem, number, suffix);
+  return piece_of(options_, number);
 }
 
 // Opens the next file, and removes the file that exceeds RecordOptions::max_files.
@@ -75,6 +76,8 @@ bool RecordFile::open_next() {
 
 void RecordFile::begin(Head head, HostTime now) {
   if (path_ != "-") empty(file_.get());
+  for (const std::string& piece : pieces_of(options_))
+    if (piece != path_) ::unlink(piece.c_str());
   head_ = std::move(head);
   time_ns_ = now.ns + head_.offset_ns;
   append_head();

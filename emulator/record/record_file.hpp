@@ -36,7 +36,7 @@ class RecordFile {
     std::uint8_t flags = 0;                   // of the event `begin`
     Endpoint truth;                           // the truth port's own address, for the headers of its datagrams
   };
-  // Replaces an older record: writes the head of the first file, at host time `now`.
+  // Replaces an older record with all its pieces: writes the head of the first file, at host time `now`.
   void begin(Head head, HostTime now);
   // Adds a packet to the batch, which is written when it is large.
   void add(const PacketRing::Head& head, std::span<const std::byte> bytes);

@@ -30,6 +30,7 @@
 #include "emulator/ground/host.hpp"
 #include "emulator/ground/progress_line.hpp"
 #include "emulator/ground/text_file.hpp"
+#include "emulator/record/record_pieces.hpp"
 #include "emulator/record/recorder.hpp"
 #include "emulator/report/log.hpp"
 #include "emulator/run/readiness.hpp"
@@ -135,6 +136,8 @@ void check_outputs(const Config& config, const RunOptions& options) {
   if (writes_to_stdout(config)) files.add("-", "the port of an imu");
   for (const auto& [option, path] : options.outputs)
     if (const std::string fault = files.claim(path, "the file of " + option); !fault.empty()) throw OpenError(fault);
+  for (const std::string& piece : pieces_of(options.record))
+    if (const std::string fault = files.claim(piece, "a file of --record"); !fault.empty()) throw OpenError(fault);
 }
 
 std::vector<FaultLabel> labels(Engine& engine, const Config& config) {

@@ -176,6 +176,22 @@ TEST_F(RecordRunTest, FilesRotateAndAFullDiskIsCounted) {
   EXPECT_EQ(refused.exit_code, 2);
   EXPECT_NE(refused.errors.find("from its beginning only"), std::string::npos) << refused.errors;
 
+  // A piece that is read is not written over. A shorter record leaves no piece of the longer one behind.
+  const std::string content = read_file(last);
+  const auto onto_itself =
+      run_program("imud", {"replay", c, "record:" + last, "--record", record(), "--record-max-mb", "1"});
+  EXPECT_EQ(onto_itself.exit_code, 2);
+  EXPECT_NE(onto_itself.errors.find(last + ": is the file of the truth; give another file"), std::string::npos)
+      << onto_itself.errors;
+  EXPECT_TRUE(read_file(last) == content);
+  const std::string namesake = write("run-final.pcapng", "not a piece");
+  EXPECT_EQ(with({record(), "--record-max-mb", "1000"}).exit_code, 0);
+  std::vector<std::string> left;
+  for (const auto& entry : std::filesystem::directory_iterator(folder_))
+    if (entry.path().filename().string().starts_with("run-")) left.push_back(entry.path().filename().string());
+  std::ranges::sort(left);
+  EXPECT_EQ(left, (std::vector<std::string>{"run-00001.pcapng", "run-final.pcapng"}));
+
   const std::string whole = read_file(path("out1"));
   const auto full = with({"/dev/full"});
   EXPECT_EQ(full.exit_code, 3);
