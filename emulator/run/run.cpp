@@ -333,12 +333,25 @@ int run(const Config& config, const RunOptions& options) {
     outcome.shortfalls.push_back(std::move(difference));
   if (!monitor.quality_error().empty()) outcome.shortfalls.push_back(monitor.quality_error());
   report(outcome, summary, named);
-  if (outcome.ended_by != EndedBy::failure) commit(engine.channels());
-  if (!options.labels_file.empty()) labels_file.replace(labels(engine, config, options.labels_file));
-  if (!options.junit_file.empty()) junit_file.replace(junit_xml(outcome.expected, "imud"));
-  summary_file.replace(json(summary, JsonLayout::indented));  // last: it says that the run is complete
+  // A result that cannot be written is a failure of the run, but the other results are written.
+  const auto attempt = [&](const auto& write) {
+    try {
+      write();
+    } catch (const std::exception& error) {
+      if (!failure) failure = std::current_exception();
+      outcome.ended_by = EndedBy::failure;
+      outcome.shortfalls.emplace_back(error.what());
+    }
+  };
+  if (outcome.ended_by != EndedBy::failure) attempt([&] { commit(engine.channels()); });
+  if (!options.labels_file.empty())
+    attempt([&] { labels_file.replace(labels(engine, config, options.labels_file)); });
+  if (!options.junit_file.empty()) attempt([&] { junit_file.replace(junit_xml(outcome.expected, "imud")); });
+  // Last: it says that the run is complete.
+  attempt([&] { summary_file.replace(json(summary, JsonLayout::indented)); });
   TextFile printed = has_data ? TextFile::standard_error() : TextFile("-");
-  printed.write(text(summary));
+  attempt([&] { printed.write(text(summary)); });
+  if (failure) std::rethrow_exception(failure);
   return outcome.exit_code();
 }
 

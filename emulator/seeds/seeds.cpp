@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <boost/algorithm/string/replace.hpp>
 #include <csignal>
+#include <exception>
 #include <nlohmann/json.hpp>
 #include <span>
 #include <stdexcept>
@@ -326,7 +327,18 @@ int replay_seeds(const Config& config, const RunOptions& options, const SeedsOpt
 
   const double duration_s = seconds(host_now() - begin);
   if (!is_whole) spdlog::error("incomplete: a signal ended it after {} of {} runs", done, runs.runs());
-  const int exit_code = worse_exit_code(results.exit_code(), is_whole ? 0 : 3);
+  // A result that cannot be written is a failure, but the other results are written.
+  std::exception_ptr failure;
+  const auto attempt = [&](const auto& write) {
+    try {
+      write();
+    } catch (const std::exception&) {
+      if (!failure) failure = std::current_exception();
+    }
+  };
+  if (!options.labels_file.empty())
+    attempt([&] { labels_file.replace(results.labels(options.labels_file.ends_with(".json"))); });
+  const int exit_code = failure ? 1 : worse_exit_code(results.exit_code(), is_whole ? 0 : 3);
   Json all = {{"duration_s", duration_s},
               {"exit_code", exit_code},
               {"complete", exit_code == 0},
@@ -336,14 +348,14 @@ int replay_seeds(const Config& config, const RunOptions& options, const SeedsOpt
               {"jobs", jobs},
               {"seeds", Json::array()}};
   for (const auto& [seed, summary] : results.by_seed()) all["seeds"].push_back(summary);
-  summary_file.replace(all.dump(1) + "\n");
-  if (!options.labels_file.empty()) labels_file.replace(results.labels(options.labels_file.ends_with(".json")));
+  attempt([&] { summary_file.replace(all.dump(1) + "\n"); });
   TextFile printed = options.summary_file == "-" ? TextFile::standard_error() : TextFile("-");
   printed.write(fmt::format("ran      {:.3f} s, {} runs of {} seed{}, {} samples, {:.3g} samples/s\n", duration_s,
                             done, runs.seeds(), runs.seeds() == 1 ? "" : "s", results.samples(),
                             static_cast<double>(results.samples()) / duration_s));
   printed.write(fmt::format("ended    by {}, {}\n", is_whole ? "end_of_capture" : "signal",
-                            exit_code == 0 ? "complete" : "incomplete or failed"));
+                            exit_code == 0 && !failure ? "complete" : "incomplete or failed"));
+  if (failure) std::rethrow_exception(failure);
   return exit_code;
 }
 

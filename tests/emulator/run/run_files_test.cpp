@@ -239,6 +239,22 @@ TEST_F(ReplayedFiles, AFullDiskIsAnError) {
   ASSERT_EQ(replay(path("truth.csv"), {"--labels", "/dev/full", "--summary", path("summary.json")}).exit_code, 1);
   EXPECT_EQ(summary()["complete"], false);
 
+  // The other results are written.
+  const ProgramResult others = replay(
+      path("truth.csv"), {"--labels", "/dev/full", "--junit", path("junit.xml"), "--summary", path("summary.json")});
+  EXPECT_EQ(others.exit_code, 1);
+  EXPECT_EQ(summary()["exit_code"], 1);
+  EXPECT_EQ(summary()["shortfalls"][0], "/dev/full: cannot be written: No space left on device");
+  EXPECT_EQ(summary()["imus"][0]["samples"], 301);
+  EXPECT_NE(read_file(path("junit.xml")).find("<testsuite"), std::string::npos);
+  EXPECT_NE(others.output.find("ended    by failure, incomplete: /dev/full"), std::string::npos) << others.output;
+  const ProgramResult seeds = replay(path("truth.csv"), {"--seeds", "1..2", "--npy", path("all.npy"), "--labels",
+                                                         "/dev/full", "--summary", path("summary.json")});
+  EXPECT_EQ(seeds.exit_code, 1);
+  EXPECT_EQ(summary()["complete"], false);
+  EXPECT_EQ(summary()["seeds"].size(), 2U);
+  EXPECT_NE(seeds.output.find("ended    by end_of_capture, incomplete or failed"), std::string::npos) << seeds.output;
+
   const ProgramResult json = run_program("imu-decode", {"csv", "file:" + path("out"), "--json", "/dev/full"});
   EXPECT_EQ(json.exit_code, 1);
   EXPECT_NE(json.errors.find("imu-decode: /dev/full: No space left on device\n"), std::string::npos) << json.errors;
