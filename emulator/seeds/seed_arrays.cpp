@@ -34,24 +34,30 @@ std::span<const std::byte> bytes_of(const Row& row, std::size_t size) {
 
 }  // namespace
 
-SeedArrays::SeedArrays(const Config& config, const std::string& path) {
+std::vector<std::string> array_paths(const Config& config, const std::string& path) {
   if (config.imus.size() > 1 && path.find("{imu}") == std::string::npos)
     throw PortError(fmt::format("--npy {}: each imu needs a file of its own; give a name with {{imu}}", path));
   if (is_standard_output(path))
     throw OpenError(fmt::format("--npy {}: an array cannot go to a stream; give a file", path));
-  const bool is_faulty_truth = std::any_of(config.faults.begin(), config.faults.end(),
-                                           [](const FaultConfig& f) { return f.acts_on(fault_of_truth); });
+  std::vector<std::string> all;
   for (const ImuConfig& imu : config.imus) {
     const std::filesystem::path file = boost::replace_all_copy(path, "{imu}", imu.name);
     std::filesystem::path truth = file;
     truth.replace_filename(fmt::format("{}_truth{}", file.stem().string(), file.extension().string()));
-    for (const std::filesystem::path& output : {file, truth})
-      if (const std::string_view use = config.files.use_of(output); !use.empty())
-        throw PortError(fmt::format("--npy {}: is {}; give another file", output.string(), use));
+    all.insert(all.end(), {file.string(), truth.string()});
+  }
+  return all;
+}
+
+SeedArrays::SeedArrays(const Config& config, const std::string& path) {
+  const bool is_faulty_truth = std::any_of(config.faults.begin(), config.faults.end(),
+                                           [](const FaultConfig& f) { return f.acts_on(fault_of_truth); });
+  const std::vector<std::string> paths = array_paths(config, path);
+  for (const ImuConfig& imu : config.imus) {
     Imu& added = imus_.emplace_back();
     added.config = imu;
-    added.measured = std::make_unique<ArrayFile>(file, measurement_columns(false));
-    added.truth = std::make_unique<ArrayFile>(truth, truth_columns());
+    added.measured = std::make_unique<ArrayFile>(paths[2 * imus_.size() - 2], measurement_columns(false));
+    added.truth = std::make_unique<ArrayFile>(paths[2 * imus_.size() - 1], truth_columns());
     const OscillatorModel& clock = imu.model.oscillator;
     added.wanders = added.varies = clock.phase_random_walk > 0 || clock.frequency_random_walk > 0;
     added.is_faulty = is_faulty_truth || added.wanders;

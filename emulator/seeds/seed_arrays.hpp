@@ -15,6 +15,10 @@
 
 namespace imud {
 
+// Returns the names of the files: for each imu the one of the measurements and the one of the truth. Throws PortError
+// if `path` has no `{imu}`, but there are several imus, and OpenError if it is a stream.
+std::vector<std::string> array_paths(const Config& config, const std::string& path);
+
 // For each imu a file of (seeds, measurements), and one of the truth at the measurements: the motion without any
 // fault. If faults can change which measurements of an imu arrive, or when, or its clock wanders at random, the truth
 // has the shape of the measurements, and rows behind the last one of a seed have no value. Rows of seeds that have
@@ -26,7 +30,7 @@ class SeedArrays {
   // Returns a row without values.
   static MeasurementRow no_row() noexcept { return MeasurementRow(Measurement{}); }
 
-  // `path`: has `{imu}` for an imu's name if there are several. Throws PortError if it has not, OpenError if a file
+  // `path`: has `{imu}` for an imu's name if there are several. Throws as array_paths(), and OpenError if a file
   // cannot be written.
   SeedArrays(const Config& config, const std::string& path);
 

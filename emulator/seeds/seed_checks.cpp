@@ -11,6 +11,8 @@
 #include "emulator/config/config_parts.hpp"
 #include "emulator/config/config_text.hpp"
 #include "emulator/ground/text_file.hpp"
+#include "emulator/seeds/seed_arrays.hpp"
+#include "transports/file/file_replacement.hpp"
 #include "transports/file/output_path.hpp"
 #include "transports/port.hpp"
 
@@ -61,10 +63,14 @@ void check_seed_ports(const Config& config, bool repeats, bool many, bool has_ar
   }
 }
 
-void check_seed_files(const Config& config, const RunOptions& options) {
+void check_seed_files(const Config& config, const RunOptions& options, const std::string& npy) {
   FilesInUse files = config.files;
   for (const auto& [option, path] : options.outputs)
     if (const std::string fault = files.claim(path, "the file of " + option); !fault.empty()) throw OpenError(fault);
+  if (npy.empty()) return;
+  for (const std::string& path : array_paths(config, npy))
+    for (const std::string& written : {path, fmt::format("{}{}", path, FileReplacement::suffix)})
+      if (const std::string fault = files.claim(written, "a file of --npy"); !fault.empty()) throw OpenError(fault);
 }
 
 std::string origin_of(const Config& config, const RunOptions& options) {

@@ -20,8 +20,9 @@ void refuse_single_run_options(const RunOptions& options);
 // `many`: there are several seeds. `has_arrays`: no port is opened.
 void check_seed_ports(const Config& config, bool repeats, bool many, bool has_arrays);
 
-// Throws OpenError if the summary or the labels would be written over a file of the runs, or over one another.
-void check_seed_files(const Config& config, const RunOptions& options);
+// Throws OpenError if the summary, the labels or the arrays `npy` would be written over a file of the runs, or over
+// one another. `npy`: empty if there are no arrays; throws as array_paths().
+void check_seed_files(const Config& config, const RunOptions& options, const std::string& npy);
 
 // Returns the origin of the arrays of these runs; empty if the capture can be read only once.
 std::string origin_of(const Config& config, const RunOptions& options);

@@ -296,7 +296,7 @@ int replay_seeds(const Config& config, const RunOptions& options, const SeedsOpt
   check_figures(options.required, config);
   check_begins_by_host(config, options.repeats);
   check_seed_ports(config, options.repeats, seeds.seeds && seeds.seeds->size() > 1, !seeds.npy.empty());
-  check_seed_files(config, options);
+  check_seed_files(config, options, seeds.npy);
   TextFile summary_file(options.summary_file), labels_file(options.labels_file);
   Runs runs(config, options, seeds);
   const unsigned jobs = seeds.jobs > 0 ? seeds.jobs : usable_processors();

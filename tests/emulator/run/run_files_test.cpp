@@ -213,6 +213,21 @@ TEST_F(ReplayedFiles, ASignalEndsTheWaitForStandardInput) {
   }
 }
 
+TEST_F(ReplayedFiles, ArraysAreNotWrittenOverAnotherResult) {
+  for (const std::vector<std::string>& seeds : {std::vector<std::string>(), {"--seeds", "1..2"}})
+    for (const std::string option : {"--summary", "--labels"})
+      for (const std::string name : {"all.npy", "all.npy.incomplete", "all_truth.npy", "all_truth.npy.incomplete"}) {
+        std::vector<std::string> more = {"--npy", path("all.npy"), option, path(name)};
+        more.insert(more.end(), seeds.begin(), seeds.end());
+        const ProgramResult refused = replay(path("truth.csv"), more);
+        EXPECT_EQ(refused.exit_code, 2) << option << name;
+        EXPECT_NE(refused.errors.find(path(name) + ": is the file of " + option + "; give another file"),
+                  std::string::npos)
+            << refused.errors;
+      }
+  EXPECT_FALSE(std::filesystem::exists(path("all.npy")));
+}
+
 TEST_F(ReplayedFiles, JsonOnStandardOutputIsJsonAlone) {
   const ProgramResult result = replay(path("truth.csv"), {"--summary", "-"});
   const auto json = nlohmann::json::parse(result.output, nullptr, false);
