@@ -120,6 +120,7 @@ int execute(int argc, const char* const* argv) {
     return is_help || std::ranges::find(given, command) != given.end();
   };
 
+  const auto is_given = [](const std::string& text) { return text.empty() ? "give a file" : std::string(); };
   const auto with_set = [&](CLI::App* command) {
     add(*command, "--set", arguments.overrides, "KEY=VALUE",
         "Override a key, such as imu.0.rate_hz=400, or a list, such as "
@@ -130,7 +131,7 @@ int execute(int argc, const char* const* argv) {
   const auto with_config = [&](CLI::App* command, bool is_found) {
     std::string help = "Configuration, TOML, or a record, for that of its run";
     if (is_found) help += " (./imud.toml, $XDG_CONFIG_HOME/imud/imud.toml or /etc/imud/imud.toml)";
-    command->add_option("CONFIG", arguments.config, help)->required(!is_found);
+    command->add_option("CONFIG", arguments.config, help)->required(!is_found)->check(is_given);
     with_set(command);
   };
   const auto with_scenario = [&](CLI::App* command) {
@@ -146,7 +147,7 @@ int execute(int argc, const char* const* argv) {
   };
   const auto with_output = [&](CLI::App* command, const std::string& option, std::string& path,
                                const std::string& help) {
-    add(*command, option, path, "FILE", help);
+    add(*command, option, path, "FILE", help)->check(is_given);
     arguments.outputs.push_back({command, option, &path});
   };
   const auto with_run = [&](CLI::App* command, bool is_found) {
@@ -196,7 +197,8 @@ int execute(int argc, const char* const* argv) {
                      "X.pcap, X.pcap?port=N, or a file of any name with records of truth.format, X.csv; each may be "
                      "compressed, X.pcap.gz or X.csv.zst; - is standard input; or a record, whose run is repeated "
                      "(its truth alone as record:X.pcapng)")
-        ->required();
+        ->required()
+        ->check(is_given);
     command->add_flag("--fast", arguments.fast, "As fast as the processor can, not in real time");
     command
         ->add_option_function<std::string>(
@@ -217,7 +219,8 @@ int execute(int argc, const char* const* argv) {
         ->check(CLI::Range(1, 1024));
     add(*command, "--npy", arguments.seeds.npy, "FILE",
         "Open no port, and write the measurements as an array of (seeds, measurements), and the truth at "
-        "them; {imu} in the name is the imu's");
+        "them; {imu} in the name is the imu's")
+        ->check(is_given);
   };
   auto* run_command = app.add_subcommand("run", "Emulate until SIGINT or SIGTERM");
   if (has_options("run")) with_run(run_command, true);
@@ -225,10 +228,11 @@ int execute(int argc, const char* const* argv) {
   if (has_options("replay")) with_replay(replay_command);
   auto* check_command = app.add_subcommand("check", "List every fault of a configuration, or show what it would run");
   with_config(check_command, true);
-  check_command->add_option(
-      "CAPTURE", arguments.capture,
-      "Check the replay of this capture: also whether it has truth, and whether each fault begins "
-      "before it ends");
+  check_command
+      ->add_option("CAPTURE", arguments.capture,
+                   "Check the replay of this capture: also whether it has truth, and whether each fault begins "
+                   "before it ends")
+      ->check(is_given);
   with_require(check_command);
   with_scenario(check_command);
   CheckLayout layout = CheckLayout::text;

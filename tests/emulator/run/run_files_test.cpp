@@ -85,6 +85,24 @@ TEST_F(RunFiles, AFileThatTheConfigurationNamesIsNotWrittenOver) {
   }
 }
 
+TEST_F(RunFiles, AnEmptyNameIsNoFile) {
+  ASSERT_EQ(run_program("imu-truth", {"spiral", "--csv", path("truth.csv"), "--for", "1"}).exit_code, 0);
+  const std::string c = config("fast", "file:" + path("truth.csv"), "csv", 100, "csv", "file:" + path("out.csv"));
+  std::vector<std::string> options = file_options();
+  options.emplace_back("--npy");
+  for (const std::string& option : options) {
+    const ProgramResult refused = run_program("imud", {"replay", c, path("truth.csv"), "--fast", option, ""});
+    EXPECT_EQ(refused.exit_code, 2) << option;
+    EXPECT_NE(refused.errors.find(option + ": give a file"), std::string::npos) << refused.errors;
+  }
+  for (const char* command : {"replay", "check"}) {
+    const ProgramResult refused = run_program("imud", {command, c, ""});
+    EXPECT_EQ(refused.exit_code, 2) << command;
+    EXPECT_NE(refused.errors.find("CAPTURE: give a file"), std::string::npos) << refused.errors;
+  }
+  EXPECT_FALSE(std::filesystem::exists(path("out.csv")));
+}
+
 // An option whose file nothing opens, or nothing writes, compiles.
 TEST_F(RunFiles, EveryOptionThatNamesAFileWritesIt) {
   ASSERT_EQ(run_program("imu-truth", {"spiral", "--csv", path("truth.csv"), "--for", "1"}).exit_code, 0);
