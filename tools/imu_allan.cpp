@@ -63,7 +63,8 @@ void check_outputs(Options& options, const OutputOptions& outputs) {
   if (!options.preset_path.empty() && !options.preset_path.ends_with(".toml"))
     throw std::invalid_argument(fmt::format("--to-config {}: right would be FILE.toml", options.preset_path));
   FilesInUse files;
-  files.add_input(options.input.source.port, "the input");
+  add_input_files(options.input.source, files);
+  add_model_file(options.against, "--against", files);
   if (const std::string fault = outputs.claim(files); !fault.empty()) throw std::invalid_argument(fault);
 }
 

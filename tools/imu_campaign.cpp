@@ -209,9 +209,14 @@ int execute(int argc, char** argv, bool& running) {
         option->get_description().find(is_collect ? "collect:" : "report:") == std::string::npos)
       throw std::invalid_argument(fmt::format("{}: {} is no option of it", options.action, option->get_name()));
   FilesInUse files;
-  files.add(options.folder + "/campaign.json", "the campaign's own");
-  if (const std::string fault = outputs.claim(files); !fault.empty()) throw std::invalid_argument(fault);
+  for (const char* own : {"/campaign.json", "/plan.toml"}) files.add(options.folder + own, "the campaign's own");
   CampaignRows rows(options.folder);
+  files.add(rows.campaign().plan, "the campaign's plan");
+  if (const std::string fault = outputs.claim(files); !fault.empty()) throw std::invalid_argument(fault);
+  const std::string cases = canonical_path(rows.shards_path().string()) + "/";
+  for (const std::string& path : {options.csv, options.sqlite, options.json, options.hdf5, options.picture})
+    if (!path.empty() && canonical_path(path).starts_with(cases))
+      throw std::invalid_argument(fmt::format("{}: is in the folder of the cases; give another file", path));
   return is_collect ? collect(options, rows, running) : report(options, rows, running);
 }
 

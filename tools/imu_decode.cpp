@@ -124,13 +124,13 @@ int decode(const Options& options, bool& running) {
   TextOutput csv("-");
   std::optional<FieldCsv> fields;
   if (options.fields) fields.emplace(*field_decoder, csv);
-  std::optional<TextOutput> json;
   FilesInUse in_use;
-  in_use.add_input(options.input.port, "the input");
+  add_input_files(options.input, in_use);
   if (const std::string fault = in_use.claim(options.json_path, "the file of --json"); !fault.empty())
     throw std::runtime_error(fault);
-  if (!options.json_path.empty()) json.emplace(options.json_path);
   MeasurementFiles files(options.files, protocol, options.input.port, in_use);
+  std::optional<TextOutput> json;
+  if (!options.json_path.empty()) json.emplace(options.json_path);
 
   running = true;
   Recorder recorder(protocol, options, csv, fields ? &*fields : nullptr, files);

@@ -256,10 +256,12 @@ class TableTest(unittest.TestCase):
 
     def test_refusals(self):
         with Folder() as folder:
-            write_all(folder.path / "c", rows_of(4, random.Random(5)), 2)
+            shard = write_all(folder.path / "c", rows_of(4, random.Random(5)), 2)[0]
             (folder.path / "empty").mkdir()
             for words, text in ((("collect", "c"), "no table is asked for"), (("collect", "empty", "--csv", "-"), "no folder of a campaign"),
-                                (("collect", "c", "--csv", "c/campaign.json"), "the campaign's own"), (("draw", "c"), "draw"),
+                                (("collect", "c", "--csv", "c/campaign.json"), "the campaign's own"),
+                                (("collect", "c", "--csv", "c/plan.toml"), "the campaign's own"),
+                                (("collect", "c", "--csv", shard), "is in the folder of the cases"), (("draw", "c"), "draw"),
                                 (("collect", "c", "--csv", "a", "--sqlite", "a"), "give another file"),
                                 (("collect", "c", "--csv", "a", "--worst", "x"), "--worst is no option of it"),
                                 (("report", "c", "--csv", "a"), "--csv is no option of it"),

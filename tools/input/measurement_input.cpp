@@ -39,6 +39,20 @@ void add_input_options(CLI::App& app, DecodeOptions& options) {
   add(app, "--count", options.count, "N", "ends after this number of samples")->check(number_check(1, 1e18));
 }
 
+void add_input_files(const DecodeOptions& options, FilesInUse& files) {
+  files.add_input(options.port, "the input");
+  for (const std::string& setting : options.settings) {
+    const std::size_t equals = setting.find('=');
+    const std::string key = setting.substr(0, equals);
+    if (equals != setting.npos && key.ends_with("_file"))
+      files.add(regular_file(setting.substr(equals + 1)), "the file of " + key);
+  }
+}
+
+void add_model_file(const std::string& model, const std::string& option, FilesInUse& files) {
+  if (model.ends_with(".toml")) files.add(regular_file(model), "the file of " + option);
+}
+
 std::string known_protocols() {
   std::string text;
   const auto list = [&](std::string_view title, std::span<const Protocol* const> all) {

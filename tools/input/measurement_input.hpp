@@ -11,6 +11,7 @@
 
 #include "core/time.hpp"
 #include "protocols/protocol.hpp"
+#include "transports/file/files_in_use.hpp"
 #include "transports/port.hpp"
 
 namespace imud {
@@ -30,6 +31,11 @@ struct DecodeOptions {
 
 // Adds PORT, --set, --frame-file, --for and --count, which every program that decodes has, to a command line.
 void add_input_options(CLI::App& app, DecodeOptions& options);
+
+// Adds the files that the command line of the input names: the port's, and a setting's, such as frame_file.
+void add_input_files(const DecodeOptions& options, FilesInUse& files);
+// Adds the file that a PRESET|FILE.toml names.
+void add_model_file(const std::string& model, const std::string& option, FilesInUse& files);
 
 // Return lists of the choices, for the help of a command line.
 std::string known_protocols();
