@@ -48,7 +48,7 @@ constexpr auto refusals = std::to_array<RefusalRow>({
     {Refusal::no_columns,
      TruthResult::no_columns,
      {},
-     "no header row has named every required column; name them in truth.columns"},
+     "each required quantity must be named once: by a header row, by the keys of an object, or in truth.columns"},
     {Refusal::no_rate, {}, "no_rate", "has no rate; send it, or give truth.rate = \"derived\" (not in lockstep)"},
     {Refusal::outlier, {}, "outlier", "further from the poses around it than their noise and any motion explain"},
     {Refusal::duplicate, {}, "duplicate", "a truth of the same time was accepted before"},

@@ -30,12 +30,15 @@ std::size_t distance(std::string_view a, std::string_view b) noexcept {
   return row[b.size()];
 }
 
-// Returns whether `given`, a name in a header row, probably is a misspelt `wanted`, perhaps with a unit behind it.
+}  // namespace
+
 bool is_near(std::string_view given, std::string_view wanted) noexcept {
   if (given.empty() || given.size() > 2 * wanted.size()) return false;
   const std::size_t tolerated = 1 + wanted.size() / 12;
   return distance(given.substr(0, wanted.size()), wanted) == 0 || distance(given, wanted) <= tolerated;
 }
+
+namespace {
 
 // Writes a blank and the unit in a quantity's name, "ft/s^2" for "specific_force_x_ft_per_s2". Writes nothing if the
 // name has no unit.

@@ -35,6 +35,9 @@ char delimiter_of(std::string_view header) noexcept;
 std::optional<double> parse_real(std::string_view field) noexcept;
 std::optional<std::int64_t> parse_integer(std::string_view field) noexcept;
 
+// Returns whether `given`, a name that is not known, probably is a misspelt `wanted`, perhaps with a unit behind it.
+bool is_near(std::string_view given, std::string_view wanted) noexcept;
+
 // Finds columns by name. The constructor takes the wanted names; set() takes the names of all columns in their order,
 // from a header row or a list. Allocates nothing. One thread.
 class Columns {

@@ -50,6 +50,7 @@ JsonFields::Outcome JsonFields::read(std::string_view text, TruthReading& readin
   reading_ = &reading;
   given_.reset();
   refused_ = {};
+  unknown_.clear();
   skip_blanks();
   const bool whole = at_ < text_.size() && text_[at_] == '{' ? read_value(0, 0) : false;
   if (!whole) return at_ >= text_.size() ? Outcome::cut : Outcome::faulty;
@@ -91,12 +92,12 @@ bool JsonFields::read_value(std::size_t node, std::size_t depth) noexcept {
     case 't':
     case 'f':
     case 'n':
-      is_whole = read_word();
+      is_whole = read_word({"true", "false", "null"});
       is_scalar = false;
       value = text_.substr(begin, at_ - begin);
       break;
     default:
-      is_whole = read_number();
+      is_whole = read_not_finite() || read_number();
       value = text_.substr(begin, at_ - begin);
   }
   if (!is_whole || mapped == nullptr) return is_whole;
@@ -116,6 +117,7 @@ bool JsonFields::read_object(std::size_t node, std::size_t depth) noexcept {
     if (!read_text(name) || !take(':')) return false;
     const std::size_t child = child_of(node, name);
     const auto field = map_.empty() && depth == 1 ? find_signed_field(name) : std::nullopt;
+    if (depth == 1 && child == no_node && !field && unknown_.size() < unknown_.capacity()) unknown_.push_back(name);
     const std::size_t begin = at_;
     const bool is_text = at_ < text_.size() && text_[at_] == '"';
     if (!read_value(child, depth)) return false;
@@ -188,8 +190,8 @@ bool JsonFields::read_number() noexcept {
   return true;
 }
 
-bool JsonFields::read_word() noexcept {
-  for (const std::string_view word : {"true", "false", "null"}) {
+bool JsonFields::read_word(std::initializer_list<std::string_view> words) noexcept {
+  for (const std::string_view word : words) {
     const std::string_view found = text_.substr(at_, word.size());
     if (!word.starts_with(found)) continue;
     at_ += found.size();
@@ -198,7 +200,15 @@ bool JsonFields::read_word() noexcept {
   return false;
 }
 
+bool JsonFields::read_not_finite() noexcept {
+  const std::size_t sign = text_[at_] == '-' ? 1 : 0;
+  if (text_.substr(at_ + sign).starts_with('I')) at_ += sign;
+  return text_[at_] != '-' && read_word({"NaN", "Infinity"});
+}
+
 void JsonFields::set(const TruthField& field, std::string_view value) noexcept {
+  if (given_[field.quantity] && refused_.cause == TruthResult::ok)
+    refused_ = {TruthResult::no_columns, field.quantity, value, true};
   const TruthResult result = reading_->set(field, value);
   given_.set(field.quantity);
   if (result != TruthResult::ok && refused_.cause == TruthResult::ok) refused_ = {result, field.quantity, value};

@@ -1,8 +1,11 @@
 // JsonFields: the quantities of truth in a JSON object.
 #pragma once
 
+#include <boost/container/static_vector.hpp>
 #include <cstddef>
 #include <cstdint>
+#include <initializer_list>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -13,8 +16,9 @@ namespace imud {
 
 // Reads a JSON object (RFC 8259) and the values at given paths in it. A path is a sequence of names separated by
 // dots; the elements of an array are numbered from 0: "imu.gyro.2". Names are compared without decoding escapes,
-// so that a name with an escape matches nothing. If an object has a name twice, the last value is used. Without
-// paths, the names at the top level must be names of quantities.
+// so that a name with an escape matches nothing. An object must have a quantity once. Without paths, the names at the
+// top level must be names of quantities. NaN, Infinity and -Infinity, which are not of RFC 8259, are values, too:
+// Python's json.dumps() writes them.
 //
 // read() allocates nothing. One thread.
 class JsonFields {
@@ -44,10 +48,13 @@ class JsonFields {
     TruthResult cause = TruthResult::ok;
     std::size_t quantity = 0;
     std::string_view value;  // as it is written
+    bool is_twice = false;   // the object has the quantity twice
   };
   // The first refused value of the last object.
   const Refused& refused() const noexcept { return refused_; }
   const TruthMap& map() const noexcept { return map_; }
+  // The first names at the top level of the last object that are in no path, and are no quantity; views of its text.
+  std::span<const std::string_view> unknown() const noexcept { return {unknown_.data(), unknown_.size()}; }
 
  private:
   // A name in a path. The nodes with the same parent form a list.
@@ -66,7 +73,8 @@ class JsonFields {
   bool read_text(std::string_view& text) noexcept;
   bool read_number() noexcept;
   bool read_digits() noexcept;
-  bool read_word() noexcept;
+  bool read_word(std::initializer_list<std::string_view> words) noexcept;
+  bool read_not_finite() noexcept;
   void set(const TruthField& field, std::string_view value) noexcept;
 
   TruthMap map_;
@@ -76,6 +84,7 @@ class JsonFields {
   TruthReading* reading_ = nullptr;
   QuantitySet given_;
   Refused refused_;
+  boost::container::static_vector<std::string_view, 4> unknown_;
 };
 
 }  // namespace imud

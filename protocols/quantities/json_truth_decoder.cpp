@@ -1,5 +1,6 @@
 #include "protocols/quantities/json_truth_decoder.hpp"
 
+#include <algorithm>
 #include <utility>
 
 #include "protocols/quantities/columns.hpp"
@@ -10,6 +11,31 @@ namespace {
 using Outcome = JsonFields::Outcome;
 
 std::string_view first_line(std::string_view text) noexcept { return text.substr(0, text.find('\n')); }
+
+// Writes which quantity, with a unit, a name that is none probably means.
+void describe_unknown(std::string_view name, RemarkWriter& out) noexcept {
+  for (const QuantityGroup& group : quantity_groups())
+    for (const std::string_view quantity : group.names) {
+      std::span<const std::string_view> units = unit_suffixes(group.kind);
+      constexpr std::string_view none[] = {""};
+      if (units.empty()) units = none;
+      for (const std::string_view unit : units) {
+        std::array<char, 64> room;
+        RemarkWriter writer(room);
+        writer << quantity << unit;
+        const std::string_view wanted(room.data(), writer.size());
+        const std::size_t sizes[] = {name.size(), wanted.size()};
+        constexpr std::size_t most = 2;  // further letters; it bounds the time of the search
+        const bool lacks_unit = name == quantity;
+        if (!lacks_unit &&
+            (std::max(sizes[0], sizes[1]) - std::min(sizes[0], sizes[1]) > most || !is_near(name, wanted)))
+          continue;
+        (out << "; ").quote(name, 64);
+        (out << " is no quantity (did you mean ").quote(wanted) << "?)";
+        return;
+      }
+    }
+}
 
 }  // namespace
 
@@ -74,7 +100,9 @@ std::size_t JsonTruthDecoder::describe(TruthResult result, std::span<char> room)
   RemarkWriter out(room);
   switch (result) {
     case TruthResult::no_state:
-      if (!is_blank_) (out << "an object has no quantity of truth: ").quote(record_);
+      if (is_blank_) break;
+      (out << "an object has no quantity of truth: ").quote(record_);
+      describe_unknown_names(out);
       break;
     case TruthResult::not_this_kind:
       (out << "no JSON object, or something after it, at character " << fields_.position() << ": ").quote(record_);
@@ -86,7 +114,13 @@ std::size_t JsonTruthDecoder::describe(TruthResult result, std::span<char> room)
         describe_missing(out);
       break;
     case TruthResult::no_columns:
+      if (outcome_ == Outcome::refused) {
+        out << "an object has " << quantity_name(fields_.refused().quantity) << " twice; the second is ";
+        out.quote(fields_.refused().value, 64);
+        break;
+      }
       out << std::string_view(fault_.data(), fault_size_);
+      describe_unknown_names(out);
       break;
     case TruthResult::bad_number:
     case TruthResult::not_finite:
@@ -104,11 +138,20 @@ std::size_t JsonTruthDecoder::describe(TruthResult result, std::span<char> room)
 
 void JsonTruthDecoder::describe_missing(RemarkWriter& out) const noexcept {
   const char* separator = "an object lacks ";
-  for (const MappedQuantity& mapped : fields_.map())
-    if (wanted_[mapped.field.quantity] && !fields_.given()[mapped.field.quantity]) {
-      (out << std::exchange(separator, ", ")).quote(mapped.theirs, 64);
-      out << " (" << mapped.ours << ")";
-    }
+  for (const MappedQuantity& mapped : fields_.map()) {
+    if (!wanted_[mapped.field.quantity] || fields_.given()[mapped.field.quantity]) continue;
+    (out << std::exchange(separator, ", ")).quote(mapped.theirs, 64);
+    out << " (" << mapped.ours;
+    for (const std::string_view name : fields_.unknown())
+      if (is_near(name, mapped.theirs)) (out << "; is it ").quote(name, 64) << "?";
+    out << ")";
+  }
+}
+
+// Without a map the names are names of quantities.
+void JsonTruthDecoder::describe_unknown_names(RemarkWriter& out) const noexcept {
+  if (!fields_.map().empty()) return;
+  for (const std::string_view name : fields_.unknown()) describe_unknown(name, out);
 }
 
 void JsonTruthDecoder::finish() noexcept {

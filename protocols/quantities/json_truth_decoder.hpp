@@ -31,6 +31,7 @@ class JsonTruthDecoder : public LineTruthDecoder {
   bool is_cut_short(TruthResult) const noexcept final { return !is_blank_; }
   TruthResult decode(std::string_view text, Truth& truth, std::size_t& size) noexcept;
   void describe_missing(RemarkWriter& out) const noexcept;
+  void describe_unknown_names(RemarkWriter& out) const noexcept;
 
   JsonFields fields_;
   const TruthAssembly::Axes axes_;

@@ -1,4 +1,5 @@
 // Truth as JSON objects: paths, refusals, and the same values as another parser finds, in mutated texts, too.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <cstdlib>
@@ -75,7 +76,10 @@ TEST_F(JsonTruth, EveryCauseAndItsRemark) {
             R"(an object lacks "t" (time_s), "gyro.0.z" (r_deg_per_s))");
   EXPECT_EQ(remark_on(good.substr(0, 40)), "the text ends within an object: \"" + good.substr(0, 40) + "\"");
   EXPECT_EQ(remark_on("[1]"), "no JSON object, or something after it, at character 0: \"[1]\"");
-  EXPECT_EQ(remark_on(R"({"t":NaN})"), R"(no JSON object, or something after it, at character 5: "{"t":NaN}")");
+  EXPECT_EQ(remark_on(R"({"t":nan})"), R"(no JSON object, or something after it, at character 5: "{"t":nan}")");
+  EXPECT_EQ(remark_on(R"({"t":-N})"), R"(no JSON object, or something after it, at character 6: "{"t":-N}")");
+  EXPECT_EQ(remark_on(R"({"T":1,"gyro":[{"x":0,"y":0,"z":0}],"att":{"q":[1,0,0,0]}})"),
+            R"(an object lacks "t" (time_s; is it "T"?))");
   EXPECT_EQ(decode(good + "x"), TruthResult::not_this_kind);
   for (const std::string_view value : {"null", "true", "\"fast\"", "{}", "[1]", "1e999"}) {
     std::string bad = good;
@@ -85,6 +89,46 @@ TEST_F(JsonTruth, EveryCauseAndItsRemark) {
   }
   EXPECT_EQ(remark_on(R"({"gyro":[{"x":1e9,"y":0,"z":0}],"att":{"q":[1,0,0,0]},"t":1})").substr(0, 10), "p is 17453");
   EXPECT_EQ(decode(R"({"gyro":[{"x":0,"y":0,"z":0}],"att":{"q":[1,1,0,0]},"t":1})"), TruthResult::out_of_range);
+}
+
+// Python's json.dumps() writes NaN and Infinity.
+TEST_F(JsonTruth, NumbersThatAreNotFiniteAreNamed) {
+  make(json_map);
+  for (const std::string_view value : {"NaN", "Infinity", "-Infinity"}) {
+    const std::string text =
+        fmt::format(R"({{"gyro":[{{"x":0,"y":{},"z":0}}],"att":{{"q":[1,0,0,0]}},"t":1,"other":{}}})", value, value);
+    EXPECT_EQ(decode(text), TruthResult::not_finite) << text;
+    EXPECT_EQ(remark(*decoder_, TruthResult::not_finite), fmt::format("q has \"{}\"", value));
+  }
+  make();
+  const std::string none = R"({"time_s":1,"yaw_deg":0,"pitch_deg":0,"roll_deg":0,"fuel":-Infinity})";
+  EXPECT_EQ(decode(none), TruthResult::ok);
+  EXPECT_EQ(remark_on(R"({"time_s":1,"yaw_deg":NaN,"pitch_deg":0,"roll_deg":0})"), "yaw has \"NaN\"");
+}
+
+TEST_F(JsonTruth, AQuantityThatIsGivenTwiceIsRefused) {
+  make();
+  const std::string pose = R"({"time_s":1,"yaw_deg":0,"pitch_deg":0,"roll_deg":0,"q_rad_per_s":0,"r_rad_per_s":0,)";
+  EXPECT_EQ(decode(pose + R"("p_rad_per_s":1})"), TruthResult::ok);
+  for (const std::string again : {R"("p_deg_per_s":2)", R"("p_rad_per_s":2)"}) {
+    const std::string text = pose + R"("p_rad_per_s":1,)" + again + "}";
+    EXPECT_EQ(decode(text), TruthResult::no_columns) << again;
+    EXPECT_EQ(remark(*decoder_, TruthResult::no_columns), "an object has p twice; the second is \"2\"");
+  }
+  make(json_map);
+  EXPECT_EQ(remark_on(R"({"t":1,"gyro":[{"x":0,"y":0,"z":0}],"att":{"q":[1,0,0,0]},"t":2})"),
+            "an object has time twice; the second is \"2\"");
+}
+
+TEST_F(JsonTruth, AMisspeltNameIsNamed) {
+  make();
+  EXPECT_EQ(remark_on(R"({"tim_s":1,"yaw_deg":0,"pitch_deg":0,"roll_deg":0})"),
+            "the time is missing; give time_s, unix_time_s, utc or another; "
+            "\"tim_s\" is no quantity (did you mean \"time_s\"?)");
+  EXPECT_EQ(remark_on(R"({"time_s":1,"yaw":0,"pitch_deg":0,"roll_degs":0,"fuel":1})"),
+            "with yaw, pitch, roll belong together, and missing are yaw, roll; "
+            "\"yaw\" is no quantity (did you mean \"yaw_rad\"?); "
+            "\"roll_degs\" is no quantity (did you mean \"roll_deg\"?)");
 }
 
 TEST_F(JsonTruth, RecordsOfAStreamAreLinesAndThoseOfADatagramObjects) {
