@@ -342,8 +342,16 @@ TEST(ImuFit, AWrongTableIsRefusedWithWhatWouldBeRight) {
                        "right would be begin_s, end_s, temperature_c"));
   EXPECT_EQ(fault("end_s\n1\n"), "plan.csv:1: the header needs one column begin_s");
   EXPECT_EQ(fault(header + "0,10\n"), "plan.csv:2: 2 fields; right would be 3, as in the header");
-  EXPECT_EQ(fault(header + "0,10,fast\n"), "plan.csv:2: \"fast\"; right would be a number");
-  EXPECT_EQ(fault(header + "0,10,nan\n"), "plan.csv:2: \"nan\"; right would be a number");
+  for (const std::string number : {"fast", "nan", "1e308", "-1e154", "1000001"})
+    EXPECT_EQ(fault(header + "0,10," + number + "\n"),
+              fmt::format("plan.csv:2: \"{}\"; right would be a number from -1000000 to 1000000", number));
+  EXPECT_EQ(fault(header + "0,1e10,1\n"),
+            "plan.csv:2: \"1e10\"; right would be a number from -1000000000 to 1000000000");
+  EXPECT_EQ(fault("begin_s,end_s,force_x_g,force_x_g\n"),
+            "plan.csv:1: the column force_x_g is given twice; right would be once");
+  EXPECT_EQ(fault("begin_s,end_s,force_x_g,force_x_m_per_s2\n"),
+            "plan.csv:1: force_x is given twice, by force_x_g and by force_x_m_per_s2; right would be one of them");
+  EXPECT_EQ(fault("\xEF\xBB\xBF" + header + "0,10,1000000\n"), "") << "a byte order mark";
   EXPECT_EQ(fault(header + "10,10,1\n"), "plan.csv:2: begin_s must be at least 0, and end_s after it");
   EXPECT_EQ(fault(header + "0,10,1\n9,20,1\n"), "plan.csv:3: the dwell begins before the one above it ends");
   EXPECT_EQ(fault(header), "plan.csv: no dwell; right would be a header and a row for each dwell");

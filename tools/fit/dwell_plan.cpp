@@ -19,8 +19,14 @@
 namespace imud {
 namespace {
 
+// The limits of a cell: more than any turntable or chamber, and little enough that the sums of squares of the fit
+// stay finite.
+constexpr double longest_s = 1e9, largest = 1e6;
+
 struct Column {
   std::string name;
+  std::string quantity;  // without its unit
+  double most = largest;
   std::function<void(Dwell&, double)> set;
 };
 
@@ -31,13 +37,15 @@ void set_axis(std::optional<Vector3>& vector, int axis, double value) {
 
 // All columns that a table may have.
 std::vector<Column> known_columns() {
-  std::vector<Column> all = {{"begin_s", [](Dwell& dwell, double value) { dwell.begin_s = value; }},
-                             {"end_s", [](Dwell& dwell, double value) { dwell.end_s = value; }},
-                             {"temperature_c", [](Dwell& dwell, double value) { dwell.temperature_c = value; }}};
+  std::vector<Column> all = {
+      {"begin_s", "begin", longest_s, [](Dwell& dwell, double value) { dwell.begin_s = value; }},
+      {"end_s", "end", longest_s, [](Dwell& dwell, double value) { dwell.end_s = value; }},
+      {"temperature_c", "temperature", largest, [](Dwell& dwell, double value) { dwell.temperature_c = value; }}};
   for (int axis = 0; axis < 3; ++axis) {
     const auto add = [&](std::string_view stem, std::string_view unit, std::optional<Vector3> Dwell::*member,
                          double si) {
-      all.push_back({fmt::format("{}_{}_{}", stem, "xyz"[axis], unit),
+      const std::string quantity = fmt::format("{}_{}", stem, "xyz"[axis]);
+      all.push_back({fmt::format("{}_{}", quantity, unit), quantity, largest,
                      [member, axis, si](Dwell& dwell, double value) { set_axis(dwell.*member, axis, si * value); }});
     };
     add("rate", "deg_per_s", &Dwell::rate, units::degree);
@@ -65,15 +73,24 @@ std::vector<Dwell> read_dwells(std::istream& text, const std::string& name) {
   const auto refuse = [&](const std::string& fault) {
     throw std::runtime_error(fmt::format("{}:{}: {}", name, number, fault));
   };
+  const auto add_column = [&](const Column& column) {
+    for (const Column* other : columns)
+      if (other->quantity == column.quantity)
+        refuse(other->name == column.name
+                   ? fmt::format("the column {} is given twice; right would be once", column.name)
+                   : fmt::format("{} is given twice, by {} and by {}; right would be one of them", column.quantity,
+                                 other->name, column.name));
+    columns.push_back(&column);
+  };
   for (std::string line; std::getline(text, line);) {
-    ++number;
+    if (++number == 1 && line.starts_with("\xEF\xBB\xBF")) line.erase(0, 3);  // a byte order mark
     boost::trim(line);
     if (line.empty() || line.starts_with('#')) continue;
     const std::vector<std::string> fields = fields_of(line);
     if (columns.empty()) {
       for (const std::string& field : fields) {
         for (const Column& column : known)
-          if (column.name == field) columns.push_back(&column);
+          if (column.name == field) add_column(column);
         if (columns.empty() || columns.back()->name != field) {
           std::vector<std::string> names;
           for (const Column& column : known) names.push_back(column.name);
@@ -90,7 +107,9 @@ std::vector<Dwell> read_dwells(std::istream& text, const std::string& name) {
     for (std::size_t i = 0; i < fields.size(); ++i) {
       if (fields[i].empty()) continue;
       const auto value = number_in<double>(fields[i]);
-      if (!value || !std::isfinite(*value)) refuse(fmt::format("\"{}\"; right would be a number", fields[i]));
+      const double most = columns[i]->most;
+      if (!value || !(std::abs(*value) <= most))
+        refuse(fmt::format("\"{}\"; right would be a number from {} to {}", fields[i], -most, most));
       columns[i]->set(dwell, *value);
     }
     if (!(dwell.begin_s >= 0 && dwell.end_s > dwell.begin_s))
