@@ -52,6 +52,7 @@ enum class TruthInput : std::uint8_t {
 // Counters of stream input that yielded no record.
 struct StreamLosses {
   std::uint64_t too_long = 0;       // records longer than the decoder's buffer
+  std::size_t longest = 0;          // bytes of the decoder's buffer, once a record was longer
   std::uint64_t last_lines = 0;     // whole last lines of files without a line feed; each is still a record
   std::uint64_t cut_short = 0;      // records that were incomplete when the input ended
   std::size_t cut_short_by = 0;     // bytes of the newest cut record, less its whole lines (below)

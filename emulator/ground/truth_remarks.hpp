@@ -43,13 +43,14 @@ struct TruthRemarks {
   Remark date;                                    // a date that contradicts [earth]
   Remark noisy_poses;                             // motion that the given window derives is noise
   Remark last_line;                               // the last line of a file, without a line feed
+  Remark long_line;                               // a line that is longer than the decoder's buffer
   std::array<Remark, BoundsWatch::kinds> excess;  // numbers and steps beyond truth.max_*
 
   // In the order in which the log reports them.
-  std::array<const Remark*, 11 + BoundsWatch::kinds> all() const noexcept {
-    std::array<const Remark*, 11 + BoundsWatch::kinds> all = {&content,        &columns,   &no_force,   &no_place,
-                                                              &far_from_earth, &time_unit, &last_line,  &senders,
-                                                              &place,          &date,      &noisy_poses};
+  std::array<const Remark*, 12 + BoundsWatch::kinds> all() const noexcept {
+    std::array<const Remark*, 12 + BoundsWatch::kinds> all = {&content,        &columns,   &no_force,  &no_place,
+                                                              &far_from_earth, &time_unit, &last_line, &long_line,
+                                                              &senders,        &place,     &date,      &noisy_poses};
     for (std::size_t i = 0; i < excess.size(); ++i) all[all.size() - excess.size() + i] = &excess[i];
     return all;
   }

@@ -379,6 +379,7 @@ void TruthIntake::count_truncated() noexcept {
   const StreamLosses& losses = decoder_->losses();
   const std::uint64_t cut_short = std::max<std::uint64_t>(losses.cut_short, port_->end_warning().empty() ? 0 : 1);
   if (losses.last_lines > 0) remark_last_line();
+  if (losses.longest > 0) remark_long_line();
   counters_.truncated.store(port_->counters().truncated + losses.too_long + cut_short, std::memory_order_relaxed);
 }
 

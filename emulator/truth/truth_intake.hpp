@@ -91,6 +91,7 @@ class TruthIntake {
   void remark_no_place() noexcept;
   void remark_excess(bool follows) noexcept;
   void remark_last_line() noexcept;
+  void remark_long_line() noexcept;
   void watch_senders() noexcept;
   Outcome derive(TruthTime watermark) noexcept;
   void count_outliers() noexcept;

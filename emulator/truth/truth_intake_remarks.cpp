@@ -62,6 +62,15 @@ void TruthIntake::remark_last_line() noexcept {
   });
 }
 
+void TruthIntake::remark_long_line() noexcept {
+  counters_.remarks.long_line.set([&](std::span<char> room) {
+    return write_remark(room,
+                        "a line of truth is longer than {} bytes, which is the limit, and counts as cut short: does "
+                        "each record end with a line feed?",
+                        decoder_->losses().longest);
+  });
+}
+
 // A simulator may send a header row with every truth: only the first ones are looked at.
 void TruthIntake::remark_columns() noexcept {
   constexpr int most = 64;  // header rows and comments

@@ -13,6 +13,7 @@ std::optional<TruthResult> LineTruthDecoder::next(Truth& truth) noexcept {
   while (const auto line = lines_.next()) {
     if (!line->is_too_long()) return decode(line->text, truth);
     ++losses_.too_long;
+    losses_.longest = max_line;
   }
   if (std::exchange(is_last_, false)) return decode_last(truth);
   if (!std::exchange(ends_here_, false)) return std::nullopt;
@@ -41,6 +42,7 @@ void LineTruthDecoder::finish() noexcept {
   if (size == 0) return;
   ++losses_.cut_short;
   losses_.cut_short_by = size;
+  if (size > max_line) losses_.longest = max_line;
 }
 
 }  // namespace imud

@@ -231,6 +231,15 @@ TEST_F(TruthIntakeTest, AFilesLastLineIsWholeIfItHasItsColumns) {
   EXPECT_TRUE(contains(remarks().last_line.text(), "has no line feed")) << remarks().last_line.text();
 }
 
+TEST_F(TruthIntakeTest, ALineThatIsTooLongIsRemarkedWithTheLimit) {
+  make(*find_truth_format("csv"), "file:some.csv");
+  port_->waiting = {std::string(header) + row(1) + std::string(70'000, '1') + "\n" + row(2)};
+  port_->ends = true;
+  EXPECT_EQ(take_all(), (Outcomes{Taken::ignored, Taken::new_run, Taken::accepted}));
+  EXPECT_EQ(intake_->counters().truncated, 1U);
+  EXPECT_TRUE(contains(remarks().long_line.text(), "longer than 65536 bytes")) << remarks().long_line.text();
+}
+
 TEST_F(TruthIntakeTest, NumbersThatNoVehicleHasAreRemarkedOnce) {
   make(*find_truth_format("csv"), "udp:127.0.0.1:9810", std::nullopt, {.rate = 10, .acceleration = 100});
   receive(std::string(header) + row(1) + "2000000,0,0,0,40,0,0\n3000000,0,0,0,50,0,0\n4000000,0.1,0,0,0,0,0\n");
