@@ -8,6 +8,8 @@
 #include <algorithm>
 #include <array>
 #include <chrono>
+#include <filesystem>
+#include <system_error>
 #include <utility>
 
 #include "emulator/control/fault_change.hpp"
@@ -193,6 +195,17 @@ void ControlApi::make(std::vector<Change> changes, const RpcReply& reply) {
   schedule();
 }
 
+// A FIFO, or the pipe of a process substitution, can be read once: a reload might wait for its next writer for ever.
+void ControlApi::check_regular() const {
+  std::error_code none;
+  const auto type = std::filesystem::status(run_.config_file, none).type();
+  if (type == std::filesystem::file_type::regular || type == std::filesystem::file_type::not_found) return;
+  throw RpcError(RpcError::refused,
+                 fmt::format("reload refused, nothing has changed: {} is no regular file; start imud with a file of "
+                             "its own",
+                             run_.config_file));
+}
+
 void ControlApi::reload(const RpcReply& reply) {
   if (run_.reloader.is_waiting()) {
     constexpr std::size_t most = 16;
@@ -205,6 +218,7 @@ void ControlApi::reload(const RpcReply& reply) {
   };
   const RpcReply at_end = reply.after(end);
   try {
+    if (run_.reloader.can_read()) check_regular();
     if (std::optional<Change> change = run_.reloader.prepare()) return make({std::move(*change)}, at_end);
   } catch (const std::exception& error) {
     run_.reloader.cancel();

@@ -98,6 +98,7 @@ class ControlApi {
   void execute(const std::string& name, const Json& params, const RpcReply& reply,
                const std::shared_ptr<Subscriber>& client);
   void make(std::vector<Change> changes, const RpcReply& reply);
+  void check_regular() const;
   void reload(const RpcReply& reply);
   void make_next_reloads();
   void take_results();

@@ -2,9 +2,12 @@
 // states, exactly; a file that is wrong, or changes what cannot change, changes nothing.
 #include "emulator/imu/reload.hpp"
 
+#include <sys/stat.h>
+
 #include <algorithm>
 #include <cmath>
 #include <csignal>
+#include <fstream>
 #include <thread>
 
 #include "emulator/config/load_config.hpp"
@@ -160,6 +163,22 @@ TEST_F(ReloadTest, AWrongFileIsRefusedWithAllItsFaults) {
                        EXPECT_TRUE(contains(message(client.call("reload")), "cannot be read"));
                      }}});
   EXPECT_EQ(refused, plain);
+}
+
+// A FIFO may be the configuration of a start. A reload would wait for its next writer, and the run for the reload.
+TEST_F(ReloadTest, AFifoIsReadAtTheStartOnly) {
+  ASSERT_EQ(::mkfifo(path("fifo").c_str(), 0600), 0);
+  std::thread writer([&] { std::ofstream(path("fifo")) << text(); });
+  Program imud("imud");
+  start(imud, path("fifo"));
+  writer.join();
+  ControlClient client(path("socket"));
+  const std::string why = message(client.call("reload"));
+  EXPECT_TRUE(contains(why, "/fifo is no regular file")) << why;
+  imud.kill(SIGHUP);
+  EXPECT_TRUE(imud.wait_for_errors("SIGHUP: reload refused, nothing has changed: ")) << imud.errors();
+  client.call("quit");
+  EXPECT_EQ(imud.wait(), 0) << imud.errors();
 }
 
 TEST_F(ReloadTest, TwoInARowLeadBack) {
