@@ -8,6 +8,7 @@
 #include <cmath>
 #include <sstream>
 
+#include "core/time.hpp"
 #include "emulator/faults/fault_kinds.hpp"
 #include "emulator/plan/fault_units.hpp"
 
@@ -15,6 +16,8 @@ namespace imud {
 namespace {
 
 constexpr double longest_s = 1e9;
+// The sampling thread goes through all occurrences of a step, so that their period has a limit.
+constexpr double shortest_period_s = 1 / Grid::max_rate_hz;
 
 // Reads a number, or a law by which it is drawn: {uniform = [from, to]} or {normal = [mean, standard_deviation]}.
 FaultNumber read_number(TableReader& table, const std::string& key, double fallback, double min, double max) {
@@ -202,6 +205,9 @@ void read_times(TableReader& table, FaultConfig& fault) {
   fault.ramp_in_s = table.real("ramp_in_s", 0, 0, longest_s);
   fault.ramp_out_s = table.real("ramp_out_s", 0, 0, longest_s);
   fault.every_s = table.real("every_s", 0, 0, longest_s);
+  if (fault.every_s > 0 && fault.every_s < shortest_period_s)
+    table.fault("every_s",
+                fmt::format("give at least {:g}, the sample period of the fastest unit", shortest_period_s));
   fault.times = table.unsigned_integer("times", fault.every_s > 0 ? 0 : 1, most);
   fault.probability = table.real("probability", 1, 0, 1);
   fault.is_optional = table.flag("optional", false);

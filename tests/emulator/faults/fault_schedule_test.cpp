@@ -180,6 +180,8 @@ TEST_F(FaultScheduleTest, WhatIsWrongIsExplained) {
            {bias + "when = \"rate < 1\"\n", "give \"rate > X\""},
            {bias + "every_s = 1\n", "needs a duration"},
            {bias + "every_s = 1\nfor_s = 2\n", "give at least the duration"},
+           {bias + "for_s = 1e-9\nevery_s = 1e-9\ntimes = 0\n",
+            "fault.0.every_s: give at least 0.0001, the sample period of the fastest unit"},
            {bias + "times = 2\n", "needs every_s"},
            {bias + "ramp_out_s = 1\n", "needs for_s or until_s"},
            {"[[fault]]\ntarget = \"gyro\"\nkind = \"dead\"\nramp_in_s = 1\n", "\"dead\" has no ramp"},
