@@ -45,7 +45,7 @@ HostBytes read_host_bytes(TableReader& table) {
 ExpectConfig read_expect(TableReader& table, std::size_t index, const std::vector<std::string>& imus,
                          std::span<const FaultConfig> faults) {
   ExpectConfig expect;
-  expect.name = table.text("name", fmt::format("expect{}", index + 1));
+  expect.name = name_in(table, fmt::format("expect{}", index + 1));
   expect.imu = table.text("imu", imus.size() == 1 ? imus.front() : "");
   if (expect.imu.empty())
     table.fault("imu", fmt::format("missing: whose host; of: {}", fmt::join(imus, ", ")));

@@ -254,7 +254,7 @@ void read_imus(TableReader& table, FaultConfig& fault, const std::vector<std::st
 
 FaultConfig read_fault(TableReader& table, std::size_t index, const std::vector<std::string>& imus) {
   FaultConfig fault;
-  fault.name = table.text("name", fmt::format("fault{}", index + 1));
+  fault.name = name_in(table, fmt::format("fault{}", index + 1));
   read_kind(table, fault);
   if (fault.kind != nullptr && fault.kind->seam == FaultSeam::truth) {
     fault.imus = {std::string(fault_of_truth)};

@@ -314,12 +314,7 @@ void fault_of_settings(TableReader& table, TableReader& device, std::span<const 
 
 ImuConfig read_imu(TableReader& table, std::size_t index, const TruthConfig& truth) {
   ImuConfig imu;
-  imu.name = table.text("name", fmt::format("imu{}", index + 1));
-  if (imu.name.empty()) table.fault("name", "give a name that is not empty");
-  const auto is_control = [](char c) { return static_cast<unsigned char>(c) < ' ' || c == '\x7F'; };
-  if (std::any_of(imu.name.begin(), imu.name.end(), is_control))
-    table.fault("name", "has a line feed or another control character; give a name in one line of text");
-
+  imu.name = name_in(table, fmt::format("imu{}", index + 1));
   if (imu.name.find_first_of(",<>=/") != imu.name.npos)
     table.fault("name", "has one of , < > = /, which --require and file names cannot have; give another name");
   for (const std::string_view other : {"truth.", "record.", "control.", "clock."})

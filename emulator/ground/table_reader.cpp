@@ -76,6 +76,18 @@ std::string file_named(TableReader& table, std::string_view key, const std::stri
   return named;
 }
 
+std::string name_in(TableReader& table, std::string fallback) {
+  std::string name = table.text("name", std::move(fallback));
+  const auto is_control = [](char c) { return static_cast<unsigned char>(c) < ' ' || c == '\x7F'; };
+  const auto is_begin_of_character = [](char c) { return (static_cast<unsigned char>(c) & 0xC0U) != 0x80U; };
+  if (name.empty()) table.fault("name", "give a name that is not empty");
+  if (std::ranges::any_of(name, is_control))
+    table.fault("name", "has a line feed or another control character; give a name in one line of text");
+  if (const auto size = std::ranges::count_if(name, is_begin_of_character); size > std::ptrdiff_t{longest_name})
+    table.fault("name", fmt::format("has {} characters; give at most {}", size, longest_name));
+  return name;
+}
+
 void require(TableReader& table, std::string_view key, std::string_view what_it_is) {
   if (!table.has(key)) table.fault(key, fmt::format("missing; give {}", what_it_is));
 }

@@ -143,6 +143,11 @@ std::vector<TableReader> children(TableReader& table, std::string_view key, std:
 // the folder of the file that has the table. If nothing is there, but something is there relative to the current
 // folder, `path` is relative to the current folder. An absolute path, and an empty one, are returned unchanged.
 std::string file_named(TableReader& table, std::string_view key, const std::string& path);
+// Returns the key `name`, the name of what the table describes. Adds a fault unless it is 1 to longest_name
+// characters of one line: names stand in lines of the log, in JUnit, and in a record, whose fields have a size of 16
+// bits.
+std::string name_in(TableReader& table, std::string fallback);
+inline constexpr std::size_t longest_name = 64;
 // Adds a fault if the key is absent.
 void require(TableReader& table, std::string_view key, std::string_view what_it_is);
 // Returns a date and time, such as 2025-01-01T00:00:00Z, as whole seconds since 1970. Without an offset it is UTC.

@@ -544,6 +544,10 @@ accelerometer.max_m_per_s2 = 200
   EXPECT_TRUE(faults(two, {"imu.2.port=can:vcan1"}).empty());
   EXPECT_TRUE(faults(two, {"imu.2.device.can_id=0x100", "imu.2.device.extended=true"}).empty())
       << "identifiers of 11 and 29 bits are never the same";
+  EXPECT_NE(fault(two, {"imu.2.device.can_id=0x107", "imu.1.name=" + std::string(65'536, 'a')})
+                .find("imu.1.name: has 65536 characters; give at most 64"),
+            std::string::npos)
+      << "a record has 16 bits for the size of a name";
   EXPECT_NE(fault(two, {"imu.2.device.can_id=0x107", "imu.1.name=imu1"}).find("imu.1.name: the same as imu.0"),
             std::string::npos);
   EXPECT_NE(fault(std::string(good) + R"([[imu]]

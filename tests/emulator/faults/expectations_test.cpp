@@ -119,6 +119,9 @@ TEST_F(ExpectationsTest, WhatIsWrongIsExplained) {
   for (const auto& [text, expected] : std::vector<std::pair<std::string, std::string>>{
            {"[[expect]]\nwithin_s = 1\n", "expect.0.what: missing"},
            {"[[expect]]\nwhat = \"host_sends\"\n", "expect.0.within_s: missing"},
+           {sends + "name = \"\"\n", "expect.0.name: give a name that is not empty"},
+           {sends + "name = \"a\\u0001\"\n", "expect.0.name: has a line feed or another control character"},
+           {sends + fmt::format("name = \"{}\"\n", std::string(65, 'a')), "expect.0.name: has 65 characters"},
            {sends + "after = \"fault1\"\n", "no fault \"fault1\" acts on imu1"},
            {sends + "hex = \"0g\"\n", "give bytes as hexadecimal digits"},
            {sends + "hex = \"00\"\ntext = \"a\"\n", "give either text or hex"},

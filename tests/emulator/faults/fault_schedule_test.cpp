@@ -183,12 +183,23 @@ TEST_F(FaultScheduleTest, WhatIsWrongIsExplained) {
            {bias + "for_s = 1e-9\nevery_s = 1e-9\ntimes = 0\n",
             "fault.0.every_s: give at least 0.0001, the sample period of the fastest unit"},
            {bias + "times = 2\n", "needs every_s"},
+           {bias + "name = \"\"\n", "fault.0.name: give a name that is not empty"},
+           {bias + "name = \"a\\nb\"\n", "fault.0.name: has a line feed or another control character"},
+           {bias + fmt::format("name = \"{}\"\n", std::string(65, 'a')),
+            "fault.0.name: has 65 characters; give at most 64"},
            {bias + "ramp_out_s = 1\n", "needs for_s or until_s"},
            {"[[fault]]\ntarget = \"gyro\"\nkind = \"dead\"\nramp_in_s = 1\n", "\"dead\" has no ramp"},
            {"[[fault]]\ntarget = \"truth\"\nkind = \"nan\"\nimu = \"imu1\"\n", "truth is that of all imus; omit it"},
            {"[fault]\ntarget = \"gyro\"\n", "give tables, each as [[fault]]"},
        })
     EXPECT_TRUE(contains(faults_of(text), expected)) << text << "\n" << faults_of(text);
+}
+
+// A name of 64 characters of more bytes, and the shortest period, are accepted.
+TEST_F(FaultScheduleTest, TheLimitsAreValid) {
+  std::string name;
+  for (int i = 0; i < 64; ++i) name += "\u00e4";
+  EXPECT_EQ(faults_of(bias + "for_s = 1e-4\nevery_s = 1e-4\nname = \"" + name + "\"\n"), "");
 }
 
 TEST_F(FaultScheduleTest, AScenarioIsAFileOfFaults) {
