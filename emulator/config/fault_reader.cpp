@@ -4,6 +4,7 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <bit>
 #include <chrono>
 #include <cmath>
 #include <sstream>
@@ -136,11 +137,14 @@ void read_kind(TableReader& table, FaultConfig& fault) {
     const std::size_t axis = FaultConfig::axis_letters.find(letter);
     if (axis != std::string_view::npos) fault.axes = static_cast<std::uint8_t>(fault.axes | (1U << axis));
   }
-  if (!fault.kind->has_axes ||
-      text.substr(dot + 1).find_first_not_of(FaultConfig::axis_letters) != std::string::npos || fault.axes == 0)
-    table.fault("target", fault.kind->has_axes
-                              ? fmt::format("give the axes of {} as in \"{}.x\" or \"{}.xy\"", target, target, target)
-                              : fmt::format("this fault of {} has no axes; give \"{}\"", target, target));
+  const auto axes = static_cast<std::size_t>(std::popcount(fault.axes));
+  if (!fault.kind->has_axes)
+    table.fault("target", fmt::format("this fault of {} has no axes; give \"{}\"", target, target));
+  else if (axes == 0 || axes != text.size() - dot - 1)
+    table.fault("target", fmt::format("give the axes of {} as in \"{}.x\" or \"{}.xy\"", target, target, target));
+  else if (axes < fault.kind->least_axes)
+    table.fault("target", fmt::format("\"{}\" needs {} axes or more; give \"{}.xy\" or \"{}\"", fault.kind->name,
+                                      fault.kind->least_axes, target, target));
 }
 
 void read_parameters(TableReader& table, FaultConfig& fault) {
@@ -239,6 +243,7 @@ void read_imus(TableReader& table, FaultConfig& fault, const std::vector<std::st
   } else {
     given = {table.text("imu", "*")};
   }
+  if (given.empty()) table.fault("imu", fmt::format("is an empty list; give \"*\" or of: {}", fmt::join(imus, ", ")));
   for (const std::string& name : given) {
     if (name == "*") {
       fault.imus = imus;
@@ -246,7 +251,10 @@ void read_imus(TableReader& table, FaultConfig& fault, const std::vector<std::st
     }
     if (std::find(imus.begin(), imus.end(), name) == imus.end())
       table.fault("imu", fmt::format("there is no imu \"{}\"; give \"*\" or of: {}", name, fmt::join(imus, ", ")));
-    fault.imus.push_back(name);
+    if (fault.acts_on(name))
+      table.fault("imu", fmt::format("\"{}\" is given twice; give it once", name));
+    else
+      fault.imus.push_back(name);
   }
 }
 

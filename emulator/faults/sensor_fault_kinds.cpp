@@ -73,6 +73,11 @@ constexpr FaultKind sudden(SensorFault code, std::string_view name, std::string_
   return kind;
 }
 
+constexpr FaultKind of_two_axes(FaultKind kind) {
+  kind.least_axes = 2;
+  return kind;
+}
+
 constexpr FaultKind sensor_table[] = {
     ramped(SensorFault::bias, "bias", "a constant is added", all_sensors, added_value),
     sudden(SensorFault::drift, "drift", "an error grows in proportion to time", all_sensors, per_second),
@@ -82,8 +87,8 @@ constexpr FaultKind sensor_table[] = {
     sudden(SensorFault::stuck_at, "stuck_at", "a constant value is sent", all_sensors, constant_value),
     sudden(SensorFault::dead, "dead", "the value is 0", all_sensors),
     sudden(SensorFault::inverted, "inverted", "the sign is the opposite", triads),
-    sudden(SensorFault::swapped, "swapped", "the values of two axes are exchanged, those of three in a circle",
-           triads),
+    of_two_axes(sudden(SensorFault::swapped, "swapped",
+                       "the values of two axes are exchanged, those of three in a circle", triads)),
     ramped(SensorFault::spike, "spike", "spikes are added at random", all_sensors, random_spikes),
     sudden(SensorFault::saturation, "saturation", "the value is cut off early", triads, limit_at),
     sudden(SensorFault::quantisation, "quantisation", "the value is rounded to a coarse LSB", all_sensors,

@@ -67,6 +67,7 @@ struct FaultKind {
   std::span<const std::string_view> targets;  // of the key `target`, without axes: "gyro"
   std::span<const FaultParameter> parameters = {};
   bool has_axes = false;  // the target may be one axis: "gyro.x"
+  std::size_t least_axes = 1;
   bool is_ramped = true;  // the effect is proportional to a weight; false: the effect is on or off
   bool is_event = false;  // the fault acts at its begin, and has no duration
   // The state that stays after the end, and how long: "the counter stays ahead to the end of the run". Empty: bytes
