@@ -1,6 +1,7 @@
 // Change: the commands by which the sampling thread executes a request that changes the run.
 #pragma once
 
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -20,6 +21,12 @@ struct PortChange {
   std::string before, after;
 };
 
+// A fault that a change begins, and its keys, as TOML.
+struct BegunFault {
+  FaultConfig config;
+  std::string text;
+};
+
 struct Change {
   std::vector<Command> commands;
   std::string words;  // for the log: "power off"
@@ -27,11 +34,14 @@ struct Change {
   // change has been applied.
   Json event;
   std::vector<PortChange> ports = {};
+  // Joins the book of faults when the change is accepted. Its number follows the numbers of the faults before it.
+  std::optional<BegunFault> fault = std::nullopt;
 };
 
 struct ChangeContext {
   const Config& config;
-  FaultBook& faults;
+  const FaultBook& faults;
+  std::span<const Change> earlier = {};  // of the same batch
 };
 // Return the change that a method of that name makes. Throw RpcError.
 Change mark_change(const Json& params, const ChangeContext& context);

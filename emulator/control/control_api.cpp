@@ -175,7 +175,8 @@ std::vector<Change> ControlApi::changes_of_batch(const Json& request_params) {
     if (method == nullptr || method->change == nullptr)
       throw RpcError(RpcError::method_not_found, fmt::format("Method not found: {} is no change", name));
     const Json none;
-    changes.push_back(method->change(of_item.has("params") ? item["params"] : none, {run_.config, run_.faults}));
+    changes.push_back(
+        method->change(of_item.has("params") ? item["params"] : none, {run_.config, run_.faults, changes}));
     of_item.finish();
   }
   return changes;
@@ -189,8 +190,12 @@ void ControlApi::make(std::vector<Change> changes, const RpcReply& reply) {
     commands.insert(commands.end(), change.commands.begin(), change.commands.end());
   if (commands.size() > CommandQueue::longest_batch)
     throw wrong_params(fmt::format("more than {} changes at one sample", CommandQueue::longest_batch));
-  if (!run_.control.commands.push(last_batch_ + 1, commands))
+  if (!run_.control.commands.has_room(commands.size()))
     throw RpcError(RpcError::busy, "too many changes wait for their sample; try again later");
+  // A request that is refused must add no fault: the numbers of a record's faults have no gap.
+  for (Change& change : changes)
+    if (change.fault) run_.faults.add(std::move(change.fault->config), std::move(change.fault->text));
+  run_.control.commands.push(last_batch_ + 1, commands);
   waiting_.emplace(++last_batch_, Waiting{reply, std::move(changes), {}});
   schedule();
 }

@@ -68,30 +68,46 @@ void check_permission(const FaultBook& faults) {
                    "this run cannot fail by control; give faults = true in [control] of its configuration");
 }
 
-// Begins the fault that the text describes. `params`: for the event.
-Change begin_fault(std::string text, const Json& params, const ChangeContext& context) {
-  const auto& [config, faults] = context;
+// Returns the names of all faults by their numbers, also of the faults that earlier changes of the batch begin.
+std::vector<std::string> names_of_faults(const ChangeContext& context) {
+  std::vector<std::string> names;
+  for (const FaultConfig& fault : context.faults.all()) names.push_back(fault.name);
+  for (const Change& change : context.earlier)
+    if (change.fault) names.push_back(change.fault->config.name);
+  return names;
+}
+
+FaultConfig fault_of(const std::string& text, const ChangeContext& context) {
   std::vector<std::string> wrong;
-  FaultConfig fault = read_begun_fault(text, faults.all().size(), config.imus, wrong);
+  FaultConfig fault = read_begun_fault(text, names_of_faults(context).size(), context.config.imus, wrong);
   if (!wrong.empty()) refuse(fmt::format("{}", fmt::join(wrong, "; ")));
+  return fault;
+}
+
+// Begins the fault that the text describes. `params`: for the event.
+Change begin_fault(FaultConfig fault, std::string text, const Json& params, const ChangeContext& context) {
+  const Config& config = context.config;
   if (const std::string objection = begin_objection(fault, config); !objection.empty()) refuse(objection);
   const Json event = {{"event", "fault.requested"}, {"name", fault.name}, {"fault", params}};
   std::vector<Command> commands;
   const std::string words = fmt::format("fault {}: {}", fault.name, fault.text());
   // A fault of truth concerns all imus.
   const bool is_of_all = fault.kind->seam == FaultSeam::truth || fault.imus.size() == config.imus.size();
+  const std::uint64_t number = names_of_faults(context).size();
   for (std::size_t i = 0; i < config.imus.size() && !is_of_all; ++i)
     if (fault.acts_on(config.imus[i].name))
-      commands.push_back({.kind = Command::Kind::fault_begin, .imu = static_cast<std::uint16_t>(i)});
-  if (is_of_all) commands.push_back({.kind = Command::Kind::fault_begin});
-  const std::uint32_t number = faults.add(std::move(fault), std::move(text));
-  for (Command& command : commands) command.number = number;
-  return {std::move(commands), words, event};
+      commands.push_back(
+          {.kind = Command::Kind::fault_begin, .imu = static_cast<std::uint16_t>(i), .number = number});
+  if (is_of_all) commands.push_back({.kind = Command::Kind::fault_begin, .number = number});
+  return {.commands = std::move(commands),
+          .words = words,
+          .event = event,
+          .fault = BegunFault{std::move(fault), std::move(text)}};
 }
 
-void check_room(const FaultBook& faults) {
-  check_permission(faults);
-  if (faults.is_full())
+void check_room(const ChangeContext& context) {
+  check_permission(context.faults);
+  if (names_of_faults(context).size() >= context.faults.capacity())
     throw RpcError(RpcError::refused,
                    fmt::format("{} faults have begun by control in this run; no more can", FaultBook::most_added));
 }
@@ -99,12 +115,14 @@ void check_room(const FaultBook& faults) {
 }  // namespace
 
 Change begin_fault_change(const Json& params, const ChangeContext& context) {
-  check_room(context.faults);
-  return begin_fault(text_of(params), params, context);
+  check_room(context);
+  std::string text = text_of(params);
+  FaultConfig fault = fault_of(text, context);
+  return begin_fault(std::move(fault), std::move(text), params, context);
 }
 
 Change repeat_fault_change(const Json& request_params, const ChangeContext& context) {
-  check_room(context.faults);
+  check_room(context);
   RpcParams params(request_params);
   const std::string name = params.text("name", "the name of a [[fault]]");
   params.finish();
@@ -116,21 +134,19 @@ Change repeat_fault_change(const Json& request_params, const ChangeContext& cont
     refuse(fmt::format("the configuration has no fault \"{}\"; it has {}", name,
                        names.empty() ? "none" : fmt::to_string(fmt::join(names, ", "))));
   }
-  return begin_fault(text_to_begin(context.config, static_cast<std::size_t>(found - all.begin())), request_params,
-                     context);
+  std::string text = text_to_begin(context.config, static_cast<std::size_t>(found - all.begin()));
+  FaultConfig fault = fault_of(text, context);
+  return begin_fault(std::move(fault), std::move(text), request_params, context);
 }
 
 Change end_fault_change(const Json& request_params, const ChangeContext& context) {
-  const FaultBook& faults = context.faults;
-  check_permission(faults);
+  check_permission(context.faults);
   RpcParams params(request_params);
   Change change;
   const std::string name = params.text("name", "the name of a fault");
-  std::vector<std::string> names;
-  for (std::size_t i = 0; i < faults.all().size(); ++i) {
-    names.push_back(faults.all()[i].name);
-    if (names.back() == name) change.commands.push_back({.kind = Command::Kind::fault_end, .number = i});
-  }
+  const std::vector<std::string> names = names_of_faults(context);
+  for (std::size_t i = 0; i < names.size(); ++i)
+    if (names[i] == name) change.commands.push_back({.kind = Command::Kind::fault_end, .number = i});
   if (change.commands.empty())
     refuse(fmt::format("there is no fault \"{}\"; there are {}", name, fmt::join(names, ", ")));
   if (change.commands.size() > CommandQueue::longest_batch)

@@ -9,8 +9,8 @@
 
 namespace imud {
 
-// Return the change that fault.begin, fault.repeat, fault.end and fault.clear make; the first two add their fault to
-// the book. Throw RpcError.
+// Return the change that fault.begin, fault.repeat, fault.end and fault.clear make; the change of the first two has
+// their fault. Throw RpcError.
 Change begin_fault_change(const Json& params, const ChangeContext& context);
 Change repeat_fault_change(const Json& params, const ChangeContext& context);
 Change end_fault_change(const Json& params, const ChangeContext& context);

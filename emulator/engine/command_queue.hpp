@@ -20,10 +20,13 @@ class CommandQueue {
 
   CommandQueue() : entries_(capacity) { batch_.reserve(longest_batch); }
 
+  // Returns whether a batch of this size fits now. Main thread.
+  bool has_room(std::size_t commands) const noexcept {
+    return commands > 0 && commands <= longest_batch && entries_.write_available() >= commands;
+  }
   // Adds a batch. Returns false if the batch is empty or does not fit. Main thread.
   bool push(std::uint64_t number, std::span<const Command> commands) {
-    if (commands.empty() || commands.size() > longest_batch || entries_.write_available() < commands.size())
-      return false;
+    if (!has_room(commands.size())) return false;
     batch_.clear();
     for (std::size_t i = 0; i < commands.size(); ++i)
       batch_.push_back({number, static_cast<std::uint32_t>(commands.size() - i), commands[i]});

@@ -169,12 +169,14 @@ TEST_F(ControlRun, AFaultIsThatOfAScenario) {
            refused(client, {{"target", "gyro"}, {"kind", "bias"}, {"value", "much"}});
            refused(client, {{"target", ""}, {"kind", ""}});
            refused(client, {{"target", "gyro"}, {"kind", "bias"}, {"value", 1}, {"for_s", ~std::uint64_t{0}}});
+           refused(client, {{"target", "gyro"}, {"kind", "dead"}, {"imu", json::array()}});
+           refused(client, {{"target", "gyro"}, {"kind", "dead"}, {"name", "two\nlines"}});
            EXPECT_EQ(client.call("fault.end", {{"name", "none"}})["error"]["code"], -32602);
            client.call("fault.begin", {{"target", "gyro"}, {"kind", "dead"}, {"name", "a"}});
            EXPECT_TRUE(client.call("fault.end", {{"name", "a"}}).contains("result"));
            EXPECT_TRUE(client.call("fault.clear").contains("result"));
          }}});
-  ASSERT_EQ(refusals.size(), 8U);
+  ASSERT_EQ(refusals.size(), 10U);
   EXPECT_TRUE(contains(refusals[0], "give faults = true in [control]")) << refusals[0];
   EXPECT_TRUE(refusals[1].starts_with("Invalid params: kind: ") && contains(refusals[1], "did you mean \"bias\"?"))
       << refusals[1];
@@ -184,6 +186,8 @@ TEST_F(ControlRun, AFaultIsThatOfAScenario) {
   EXPECT_TRUE(refusals[5].starts_with("Invalid params: value: ")) << refusals[5];
   EXPECT_TRUE(refusals[6].starts_with("Invalid params: target: empty")) << refusals[6];
   EXPECT_TRUE(refusals[7].starts_with("Invalid params: for_s: ")) << refusals[7];
+  EXPECT_EQ(refusals[8], "Invalid params: imu: is an empty list; give \"*\" or of: imu1, imu2");
+  EXPECT_TRUE(refusals[9].starts_with("Invalid params: name: has a line feed")) << refusals[9];
 }
 
 // A fault of truth that begins after truth 2 acts from truth 3 on, as that of a scenario.
@@ -292,6 +296,34 @@ TEST_F(ControlRun, ARecordRepeatsTheCommands) {
   EXPECT_EQ(without.exit_code, 3) << without.errors;
   EXPECT_TRUE(contains(without.errors, "3 faults that were begun by control cannot be repeated: give faults = true"))
       << without.errors;
+}
+
+// A refused batch leaves no fault behind: the numbers of the faults in the record have no gap.
+TEST_F(ControlRun, ARecordRepeatsTheFaultsAfterARefusedBatch) {
+  const auto fault = [](const std::string& name) {
+    return json{{"method", "fault.begin"},
+                {"params", {{"name", name}, {"target", "gyro.x"}, {"kind", "bias"}, {"value", 0.1}}}};
+  };
+  const json nosuch = {{"method", "pause"}, {"params", {{"imu", "nosuch"}}}};
+  json refused, accepted, names;
+  const auto begin = [&](ControlClient& client) {
+    refused = client.call("batch", {{"changes", {fault("a"), nosuch}}});
+    const json end = {{"method", "fault.end"}, {"params", {{"name", "a"}}}};
+    accepted = client.call("batch", {{"changes", {fault("a"), fault("b"), fault("a"), end}}});
+  };
+  const auto look = [&](ControlClient& client) {
+    const json status = client.call("status");
+    for (const json& one : status["result"]["faults"]) names.push_back(one["name"]);
+  };
+  const auto [first, second] = play(two_imus(), {{2, begin}, {3, look}}, 6, {"--record", path("record.pcapng")});
+  EXPECT_TRUE(contains(refused["error"]["message"].get<std::string>(), "there is no such imu")) << refused;
+  EXPECT_TRUE(accepted.contains("result")) << accepted;
+  EXPECT_EQ(names, json({"b", "b"})) << "on each imu";
+  const ProgramResult repeated =
+      run_program("imud", {"replay", path("record.pcapng"), path("record.pcapng"), "--fast"});
+  EXPECT_EQ(repeated.exit_code, 0) << repeated.errors;
+  EXPECT_EQ(read_file(path("out1")), first);
+  EXPECT_EQ(read_file(path("out2")), second);
 }
 
 TEST_F(ControlRun, RefusesWhatIsWrongWithClearWords) {
