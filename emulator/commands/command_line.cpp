@@ -112,6 +112,10 @@ int execute(int argc, const char* const* argv) {
   app.require_subcommand(1);
   Arguments arguments;
   std::uint64_t record_max_mb = 0;
+  if (std::find(argv, argv + argc, std::string_view("--version")) != argv + argc) {  // of any command
+    fmt::print("imud {}\n", IMUD_VERSION);
+    return 0;
+  }
   // Commands with many options have them only if their names are given, or `help` may look for a word in them: to
   // make them takes a tenth of a start.
   const std::vector<std::string> given = command_words(argc, argv);

@@ -62,6 +62,20 @@ TEST(CommandLine, HelpIsThatOfTheOption) {
   EXPECT_EQ(run.output, run_program("imud", {"run", "--help"}).output);
 }
 
+TEST(CommandLine, EveryCommandHasAVersion) {
+  const std::string version = run_program("imud", {"--version"}).output;
+  EXPECT_TRUE(version.starts_with("imud ") && version.ends_with("\n")) << version;
+  const std::vector<std::string> commands[] = {
+      {"run"},  {"check"},           {"list"},    {"ctl"},      {"rack"}, {"init"},  {"status"}, {"top"}, {"pty"},
+      {"demo"}, {"campaign", "run"}, {"example"}, {"selftest"}, {"help"}, {"replay"}};
+  for (std::vector<std::string> command : commands) {
+    command.emplace_back("--version");
+    const auto result = run_program("imud", command);
+    EXPECT_EQ(result.exit_code, 0) << command.front();
+    EXPECT_EQ(result.output, version) << command.front();
+  }
+}
+
 std::vector<std::string> all_names() {
   std::set<std::string_view> names;
   for (const Protocol* protocol : protocols()) names.insert(protocol->name);
