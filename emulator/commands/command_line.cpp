@@ -130,7 +130,6 @@ int execute(int argc, const char* const* argv) {
         "Override a key, such as imu.0.rate_hz=400, or a list, such as "
         "'imu.0.device.sensor_fields=[\"rate\", \"acceleration\"]'; repeatable")
         ->allow_extra_args(false);
-    command->set_version_flag("--version", std::string("imud ") + IMUD_VERSION);
   };
   const auto with_config = [&](CLI::App* command, bool is_found) {
     std::string help = "Configuration, TOML, or a record, for that of its run";

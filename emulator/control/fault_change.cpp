@@ -77,23 +77,19 @@ std::vector<std::string> names_of_faults(const ChangeContext& context) {
   return names;
 }
 
-FaultConfig fault_of(const std::string& text, const ChangeContext& context) {
-  std::vector<std::string> wrong;
-  FaultConfig fault = read_begun_fault(text, names_of_faults(context).size(), context.config.imus, wrong);
-  if (!wrong.empty()) refuse(fmt::format("{}", fmt::join(wrong, "; ")));
-  return fault;
-}
-
 // Begins the fault that the text describes. `params`: for the event.
-Change begin_fault(FaultConfig fault, std::string text, const Json& params, const ChangeContext& context) {
+Change begin_fault(std::string text, const Json& params, const ChangeContext& context) {
   const Config& config = context.config;
+  const std::size_t number = names_of_faults(context).size();
+  std::vector<std::string> wrong;
+  FaultConfig fault = read_begun_fault(text, number, config.imus, wrong);
+  if (!wrong.empty()) refuse(fmt::format("{}", fmt::join(wrong, "; ")));
   if (const std::string objection = begin_objection(fault, config); !objection.empty()) refuse(objection);
   const Json event = {{"event", "fault.requested"}, {"name", fault.name}, {"fault", params}};
   std::vector<Command> commands;
   const std::string words = fmt::format("fault {}: {}", fault.name, fault.text());
   // A fault of truth concerns all imus.
   const bool is_of_all = fault.kind->seam == FaultSeam::truth || fault.imus.size() == config.imus.size();
-  const std::uint64_t number = names_of_faults(context).size();
   for (std::size_t i = 0; i < config.imus.size() && !is_of_all; ++i)
     if (fault.acts_on(config.imus[i].name))
       commands.push_back(
@@ -116,9 +112,7 @@ void check_room(const ChangeContext& context) {
 
 Change begin_fault_change(const Json& params, const ChangeContext& context) {
   check_room(context);
-  std::string text = text_of(params);
-  FaultConfig fault = fault_of(text, context);
-  return begin_fault(std::move(fault), std::move(text), params, context);
+  return begin_fault(text_of(params), params, context);
 }
 
 Change repeat_fault_change(const Json& request_params, const ChangeContext& context) {
@@ -134,9 +128,8 @@ Change repeat_fault_change(const Json& request_params, const ChangeContext& cont
     refuse(fmt::format("the configuration has no fault \"{}\"; it has {}", name,
                        names.empty() ? "none" : fmt::to_string(fmt::join(names, ", "))));
   }
-  std::string text = text_to_begin(context.config, static_cast<std::size_t>(found - all.begin()));
-  FaultConfig fault = fault_of(text, context);
-  return begin_fault(std::move(fault), std::move(text), request_params, context);
+  return begin_fault(text_to_begin(context.config, static_cast<std::size_t>(found - all.begin())), request_params,
+                     context);
 }
 
 Change end_fault_change(const Json& request_params, const ChangeContext& context) {

@@ -139,9 +139,9 @@ inline bool is_text(TableReader& table, std::string_view key) {
 // tables' in the fault of another value.
 std::vector<TableReader> children(TableReader& table, std::string_view key, std::string_view heading);
 // Returns the path of the file that `key` names by `path`, resolves the key as this path, and adds the file to the
-// named files. `path` is relative to
-// the folder of the file that has the table. If nothing is there, but something is there relative to the current
-// folder, `path` is relative to the current folder. An absolute path, and an empty one, are returned unchanged.
+// named files. `path` is relative to the folder of the file that has the table. If nothing is there, but something is
+// there relative to the current folder, `path` is relative to the current folder. An absolute path, and an empty one,
+// are returned unchanged.
 std::string file_named(TableReader& table, std::string_view key, const std::string& path);
 // Returns the key `name`, the name of what the table describes. Adds a fault unless it is 1 to longest_name
 // characters of one line: names stand in lines of the log, in JUnit, and in a record, whose fields have a size of 16

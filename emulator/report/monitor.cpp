@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <string_view>
+#include <utility>
 
 #include "emulator/faults/fault_book.hpp"
 #include "emulator/faults/fault_labels.hpp"
@@ -32,11 +33,11 @@ std::vector<const Remark*> remarks_of(const RunCounters& counters) {
 std::string times(std::uint64_t n) { return n == 1 ? std::string() : fmt::format(" ({} times)", n); }
 }  // namespace
 
-Monitor::Monitor(RunCounters counters, const Config& config, const Options& options)
+Monitor::Monitor(RunCounters counters, const Config& config, const Options& options, TextFile quality)
     : counters_(std::move(counters)),
       config_(config),
       options_(options),
-      quality_(options.quality_file),
+      quality_(std::move(quality)),
       imu_names_(names_of(config.imus)),
       remarks_(remarks_of(counters_).size()),
       refusals_(counters_.truth->refused.counters.size()),

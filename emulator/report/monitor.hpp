@@ -26,9 +26,9 @@ class Monitor {
     double first_truth_s = 1;  // the log states the sensors' output if no truth has come for so long from the start
     double wrong_speed_s = 2;  // a client's wrong speed is reported if it lasts for so long
   };
-  // `counters` has the imus of `config` in the same order. The counters and `config` must outlive this. Throws
-  // std::runtime_error if the file cannot be written.
-  Monitor(RunCounters counters, const Config& config, const Options& options);
+  // `counters` has the imus of `config` in the same order. The counters and `config` must outlive this. `quality`:
+  // Options::quality_file, opened.
+  Monitor(RunCounters counters, const Config& config, const Options& options, TextFile quality = {});
 
   // Logs the events since the last call, and writes the lines of figures that are due.
   void update();

@@ -175,7 +175,7 @@ int run(const Config& config, const RunOptions& options) {
       throw OpenError(fault);
   asio::signal_set others(io, SIGUSR1, SIGUSR2, SIGHUP);
   TextFile summary_file(options.summary_file), labels_file(options.labels_file), junit_file(options.junit_file);
-  TextFile quality_file(options.monitor.quality_file);  // The Monitor opens it again.
+  TextFile quality_file(options.monitor.quality_file);
 
   std::optional<RealtimeProcess> process;
   if (config.clock == ClockMode::realtime) {
@@ -218,7 +218,7 @@ int run(const Config& config, const RunOptions& options) {
   for (const auto& [key, port] : chosen)
     if (key == "truth.port") named.truth.port = port;
   const RunCounters counters = counters_of(assembly, config, control, recorder ? &*recorder : nullptr);
-  Monitor monitor(counters, named, options.monitor);
+  Monitor monitor(counters, named, options.monitor, std::move(quality_file));
   bool has_data = has_data_on_stdout(config, options);
   const auto read = [&] {
     Config next = options.read_config();

@@ -97,6 +97,17 @@ struct DiaryPort final : Port {
   std::array<std::byte, 1> byte{};
 };
 
+// Returns a port that the host waits for, so that its input ends a wait.
+std::unique_ptr<DiaryPort> waited_port(SimulatedHost& host, std::vector<std::pair<HostTime, char>>& sent,
+                                       const std::deque<HostTime>& input) {
+  auto all = std::make_unique<DiaryPort>(host, sent, input);
+  all->is_waited_for = true;
+  host.next_input = [port = all.get()](int) {
+    return port->input.empty() ? SimulatedHost::never : port->input.front();
+  };
+  return all;
+}
+
 class LoopTest : public RealtimeTest {
  protected:
   static constexpr const char* a_capture = "pcap:flight.pcap?port=9810";  // which is not opened
@@ -174,14 +185,7 @@ TEST_F(LoopTest, ACommandThatArrivesBeforeAnInstantIsExecutedBeforeItsSample) {
   constexpr std::array<Nanoseconds, 5> ahead = {3ms, 1ms, 100us, 10us, 1us};
   for (int i = 0; i < 200; ++i) input.push_back(run.at(1.001 + 0.01 * i) - ahead[static_cast<std::size_t>(i) % 5]);
   const std::deque<HostTime> commands = input;
-  run.make_sensor = [&](SimulatedHost& host) {
-    auto port = std::make_unique<DiaryPort>(host, sent, input);
-    port->is_waited_for = true;
-    host.next_input = [port = port.get()](int) {
-      return port->input.empty() ? SimulatedHost::never : port->input.front();
-    };
-    return port;
-  };
+  run.make_sensor = [&](SimulatedHost& host) { return waited_port(host, sent, input); };
   run.run(4);
   ASSERT_EQ(count('r'), 200U);
   expect_increasing_times();
@@ -206,12 +210,8 @@ TEST_F(LoopTest, RepliesAreMeasuredByTheHostsClock) {
   for (int i = 0; i < 99; ++i) input.push_back(run.at(0.503 + 0.02 * i));
   input.push_back(run.at(2.6));
   run.make_sensor = [&](SimulatedHost& host) {
-    auto port = std::make_unique<DiaryPort>(host, sent, input);
-    port->is_waited_for = true;
+    auto port = waited_port(host, sent, input);
     port->on_send = [&host] { host.spend(40us); };
-    host.next_input = [port = port.get()](int) {
-      return port->input.empty() ? SimulatedHost::never : port->input.front();
-    };
     return port;
   };
   run.host().freeze(run.at(2.5), run.at(2.8));
@@ -234,12 +234,8 @@ TEST_F(LoopTest, InLockstepHostsAreServedBetweenTruthsThatHaveCome) {
   for (int i = 0; i < 50; ++i) input.push_back(run.at(0.01 + 0.0011 * i));
   const std::deque<HostTime> commands = input;
   run.make_sensor = [&](SimulatedHost& host) {
-    auto port = std::make_unique<DiaryPort>(host, sent, input);
-    port->is_waited_for = true;
+    auto port = waited_port(host, sent, input);
     port->on_send = [&host] { host.spend(100us); };
-    host.next_input = [port = port.get()](int) {
-      return port->input.empty() ? SimulatedHost::never : port->input.front();
-    };
     return port;
   };
   run.run(1);

@@ -26,7 +26,7 @@ class MonitorTest : public RunTest {
 
   Monitor monitor(const Monitor::Options& options = {
                       .log_every_s = 0, .quality_file = {}, .first_truth_s = 3600, .wrong_speed_s = 0}) const {
-    return Monitor({&truth_, &quality_, {{"imu1", &imu_}}}, config_, options);
+    return Monitor({&truth_, &quality_, {{"imu1", &imu_}}}, config_, options, TextFile(options.quality_file));
   }
   // Returns the lines logged since the last call.
   std::vector<std::string> logged() {

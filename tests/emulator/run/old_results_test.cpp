@@ -1,4 +1,4 @@
-// What a run that cannot begin leaves of the results of the run before, and of those of a run in progress.
+// A run that cannot begin changes neither the results of the run before, nor those of a run in progress.
 #include <netinet/in.h>
 
 #include <array>

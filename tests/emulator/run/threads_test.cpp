@@ -122,7 +122,7 @@ TEST_F(ThreadsTest, FaultsAreInTheSameFrames) {
   EXPECT_LT(left.files[0].size(), left.files[1].size());
 }
 
-// A container's processors are those of its affinity.
+// A container limits the processors by an affinity, and so does taskset.
 TEST_F(ThreadsTest, ASingleUsableProcessorMakesOneThread) {
   std::string text(columns);
   for (int ms = 0; ms < 100; ms += 10) text += row(ms);
