@@ -59,12 +59,14 @@ SeedArrays::SeedArrays(const Config& config, const std::string& path) {
     added.measured = std::make_unique<ArrayFile>(paths[2 * imus_.size() - 2], measurement_columns(false));
     added.truth = std::make_unique<ArrayFile>(paths[2 * imus_.size() - 1], truth_columns());
     const OscillatorModel& clock = imu.model.oscillator;
-    added.wanders = added.varies = clock.phase_random_walk > 0 || clock.frequency_random_walk > 0;
+    added.wanders = clock.phase_random_walk > 0 || clock.frequency_random_walk > 0;
+    // A client may have begun the faults of a recorded run.
+    added.is_changed = added.wanders && (is_faulty_truth || config.control.faults);
     added.is_faulty = is_faulty_truth || added.wanders;
     for (const FaultConfig& fault : config.faults) {
       if (!fault.acts_on(imu.name)) continue;
       added.is_faulty = true;
-      added.varies = added.varies || changes_rows(fault);
+      added.is_changed = added.is_changed || changes_rows(fault);
     }
   }
 }
@@ -72,7 +74,7 @@ SeedArrays::SeedArrays(const Config& config, const std::string& path) {
 void SeedArrays::begin(const Config& config, const Seeds& seeds, const Run& run) {
   seeds_ = seeds.count;
   can_be_completed_ = seeds.count > 1 && !seeds.origin.empty();
-  RunTruth truth = truth_of_run(config, run, [&](std::size_t i) { return imus_[i].varies; });
+  RunTruth truth = truth_of_run(config, run, [&](std::size_t i) { return imus_[i].is_changed && !imus_[i].wanders; });
   const auto require_rows = [&](const Imu& imu, std::string_view why) {
     if (imu.rows > 0) return;
     throw std::runtime_error(fmt::format("{}: sends no measurement, so that there is no array{}{}", imu.config.name,
@@ -98,9 +100,9 @@ void SeedArrays::begin(const Config& config, const Seeds& seeds, const Run& run)
                         "another --npy FILE",
                         file.incomplete_path(), other, origin));
     };
-    begin_file(*imu.truth, imu.varies ? std::span(shape) : std::span(shape).last(1), sizeof(TrueRow));
+    begin_file(*imu.truth, imu.varies() ? std::span(shape) : std::span(shape).last(1), sizeof(TrueRow));
     begin_file(*imu.measured, shape, row_size(false));
-    if (!imu.varies) imu.truth->write(std::as_bytes(std::span(truth.imus[i].rows)), 0);
+    if (!imu.varies()) imu.truth->write(std::as_bytes(std::span(truth.imus[i].rows)), 0);
     for (const auto& file : {imu.truth.get(), imu.measured.get()}) file->check();
   }
 }
@@ -108,12 +110,12 @@ void SeedArrays::begin(const Config& config, const Seeds& seeds, const Run& run)
 // Determines the number of rows of imus whose measurements depend on the seed: the greater of the numbers in a run
 // without faults and in the run with the first seed, and some more if faults or the clock add measurements.
 void SeedArrays::make_room(const Config& config, const Seeds& seeds, const Run& run) {
-  if (std::none_of(imus_.begin(), imus_.end(), [](const Imu& imu) { return imu.varies; })) return;
+  if (std::none_of(imus_.begin(), imus_.end(), [](const Imu& imu) { return imu.varies(); })) return;
   Config first = config;
   first.seed = seeds.first;
   const std::vector<std::uint64_t> counts = count_measurements(first, run);
   for (std::size_t i = 0; i < imus_.size(); ++i) {
-    if (!imus_[i].varies) continue;
+    if (!imus_[i].varies()) continue;
     const std::uint64_t without = std::exchange(imus_[i].rows, counts[i]);
     if (seeds.count == 1) continue;
     imus_[i].rows = std::max(without, counts[i]);
@@ -147,17 +149,17 @@ std::string SeedArrays::keep() noexcept {
   const TrueRow truth = no_truth();
   for (const Imu& imu : imus_) {
     imu.measured->keep(bytes_of(row, row_size(false)));
-    imu.truth->keep(imu.varies ? bytes_of(truth, sizeof truth) : std::span<const std::byte>());
+    imu.truth->keep(imu.varies() ? bytes_of(truth, sizeof truth) : std::span<const std::byte>());
   }
   return imus_.front().measured->incomplete_path();
 }
 
 SeedArrays::Rows::Rows(const SeedArrays& arrays, std::size_t imu, std::uint64_t seed_index, std::vector<MadeRow> made,
-                       std::vector<TrueRow> samples)
+                       RunTruth::OfImu truth)
     : arrays_(arrays),
       imu_(imu),
-      samples_(std::move(samples)),
-      truths_(arrays.imus_[imu].wanders ? samples_ : arrays.imus_[imu].samples, std::move(made)),
+      truth_(std::move(truth)),
+      truths_(arrays.imus_[imu].wanders ? truth_.samples : arrays.imus_[imu].samples, std::move(made)),
       begin_(seed_index * arrays.imus_[imu].rows) {
   held_.reserve(hold_at_most * row_size(false));
 }
@@ -169,9 +171,15 @@ std::unique_ptr<Port> SeedArrays::Rows::port() {
     const MeasurementRow row(measurement, absent);
     const auto bytes = bytes_of(row, row_size(false));
     held_.insert(held_.end(), bytes.begin(), bytes.end());
-    if (arrays_.imus_[imu_].varies) held_truths_.push_back(truths_.of(row));
+    if (arrays_.imus_[imu_].varies()) held_truths_.push_back(truth_of(row));
     if (held_.size() == hold_at_most * row_size(false)) flush();
   });
+}
+
+// Returns the truth of the measurement that was taken last.
+TrueRow SeedArrays::Rows::truth_of(const MeasurementRow& row) noexcept {
+  if (arrays_.imus_[imu_].is_changed) return truths_.of(row);
+  return taken_ <= truth_.rows.size() ? truth_.rows[taken_ - 1] : no_truth();
 }
 
 void SeedArrays::Rows::flush() noexcept {
@@ -191,7 +199,7 @@ std::string SeedArrays::Rows::finish() {
     for (std::uint64_t i = rows_; i < std::min<std::uint64_t>(imu.rows, rows_ + hold_at_most); ++i) {
       const auto bytes = bytes_of(none, row_size(false));
       held_.insert(held_.end(), bytes.begin(), bytes.end());
-      if (imu.varies) held_truths_.push_back(no_truth());
+      if (imu.varies()) held_truths_.push_back(no_truth());
     }
     flush();
   }

@@ -53,28 +53,28 @@ class SeedArrays {
   // Leaves the arrays incomplete, if they can be completed. Returns the name of one of them; empty if none is left.
   std::string keep() noexcept;
 
-  // Returns true if the truth of an imu depends on the seed.
-  bool varies(std::size_t imu) const noexcept { return imus_[imu].varies; }
+  // Returns true if faults can change which measurements of an imu arrive, or when.
+  bool is_changed(std::size_t imu) const noexcept { return imus_[imu].is_changed; }
   // Returns true if the instants of an imu's samples depend on the seed, because its clock wanders at random.
   bool wanders(std::size_t imu) const noexcept { return imus_[imu].wanders; }
   // Collects the measurements of one run and one imu. Called after the fork.
   class Rows {
    public:
-    // `made`: the rows that the imu makes; used if the truth varies(). `samples`: the truth at the samples of this
-    // seed, if the imu wanders().
+    // `made`: the rows that the imu makes; used if it is_changed(). `truth`: of this seed, if the imu wanders().
     Rows(const SeedArrays& arrays, std::size_t imu, std::uint64_t seed_index, std::vector<MadeRow> made = {},
-         std::vector<TrueRow> samples = {});
+         RunTruth::OfImu truth = {});
     std::unique_ptr<Port> port();
     // Writes the rows that are left, and rows without values for measurements that are missing. Returns the
     // shortfall; empty if there is none. Throws std::runtime_error if the file cannot be written.
     std::string finish();
 
    private:
+    TrueRow truth_of(const MeasurementRow& row) noexcept;
     void flush() noexcept;
     const SeedArrays& arrays_;
     const std::size_t imu_;
-    const std::vector<TrueRow> samples_;
-    RowTruths truths_;
+    const RunTruth::OfImu truth_;
+    RowTruths truths_;  // if the imu is_changed()
     std::uint64_t begin_, rows_ = 0, taken_ = 0;
     std::vector<std::byte> held_;  // rows
     std::vector<TrueRow> held_truths_;
@@ -85,10 +85,12 @@ class SeedArrays {
     ImuConfig config;
     std::unique_ptr<ArrayFile> measured, truth;
     std::uint64_t rows = 0;
-    bool varies = false;           // the truth at its samples depends on the seed
     bool wanders = false;          // the instants of its samples depend on the seed
+    bool is_changed = false;       // faults can change which measurements arrive, or when
     bool is_faulty = false;        // the imu may lack measurements
-    std::vector<TrueRow> samples;  // the truth at each sample, if `varies`
+    std::vector<TrueRow> samples;  // the truth at each sample, if the imu is_changed and does not wander
+    // Returns true if the truth at its measurements depends on the seed.
+    bool varies() const noexcept { return wanders || is_changed; }
   };
   void make_room(const Config& config, const Seeds& seeds, const Run& run);
 

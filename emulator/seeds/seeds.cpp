@@ -118,21 +118,23 @@ class Runs {
     std::vector<SeedArrays::Rows> rows;  // by seed, and by imu
     HostTime begin;
   };
-  // Returns the measurements of each imu of the runs if the truth of an imu varies with the seed; otherwise an
-  // empty list.
+  // Returns the measurements of each imu of the runs if faults change the measurements of an imu; otherwise an empty
+  // list.
   std::vector<std::vector<MadeRow>> made_by(const Config& config, std::size_t part) const {
-    bool varies = false;
+    bool any = false;
     for (std::size_t i = 0; arrays_ && i < config_.imus.size(); ++i)
-      varies = varies || (arrays_->varies(i) && (parts_ == 1 || i == part));
-    return varies ? made_rows(config, run_for_arrays()) : std::vector<std::vector<MadeRow>>();
+      any = any || (arrays_->is_changed(i) && (parts_ == 1 || i == part));
+    return any ? made_rows(config, run_for_arrays()) : std::vector<std::vector<MadeRow>>();
   }
-  // Returns the truth at the samples of each imu of the runs if the instants of an imu vary with the seed;
-  // otherwise an empty list. `of_seed`: the number of imus of each seed.
+  // Returns the truth at the measurements of each imu of the runs, and at the samples where faults change the
+  // measurements, if the instants of an imu vary with the seed; otherwise an empty list. `of_seed`: the number of
+  // imus of each seed.
   std::vector<RunTruth::OfImu> truths_by(const Config& config, std::size_t part, std::size_t of_seed) const {
     const auto wanders = [&](std::size_t i) { return arrays_ && arrays_->wanders(part + i % of_seed); };
+    const auto keeps_samples = [&](std::size_t i) { return wanders(i) && arrays_->is_changed(part + i % of_seed); };
     bool any = false;
     for (std::size_t i = 0; i < of_seed; ++i) any = any || wanders(i);
-    return any ? truth_of_run(config, run_for_arrays(), wanders).imus : std::vector<RunTruth::OfImu>();
+    return any ? truth_of_run(config, run_for_arrays(), keeps_samples).imus : std::vector<RunTruth::OfImu>();
   }
   std::string end(Batch& batch, std::size_t run, Engine& engine, const std::string& difference,
                   std::size_t part) const;
@@ -188,7 +190,7 @@ std::string Runs::work(std::size_t item) const {
     if (arrays_) {
       batch.rows.emplace_back(*arrays_, part + i % imus.size(), *imu.seed - seeds_.first,
                               made.empty() ? std::vector<MadeRow>() : std::move(made[i]),
-                              truths.empty() ? std::vector<TrueRow>() : std::move(truths[i].samples));
+                              truths.empty() ? RunTruth::OfImu() : std::move(truths[i]));
       imu.also.clear();
     } else {
       const std::string seed = fmt::format("{:0{}}", *imu.seed, width_);

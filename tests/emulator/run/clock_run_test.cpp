@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstring>
 #include <functional>
+#include <map>
 
 #include "emulator/record/measurement_rows.hpp"
 #include "emulator/record/row_truths.hpp"
@@ -122,44 +123,57 @@ TEST_F(ClockRun, StampsAreOffWithoutTheSamples) {
   EXPECT_NEAR(early[2].stamp_s, 0.05, 1e-9);
 }
 
-// The instants of a seed are its own, and so is the truth beside its measurements.
+// The instants of a seed are its own, and so is the truth beside its measurements, with and without faults.
 TEST_F(ClockRun, ArraysOfSeedsHaveTheTruthOfEachSeed) {
   write_truth(100);
-  const std::string c =
-      write("config.toml",
-            fmt::format(
-                "clock = \"fast\"\n[truth]\nport = \"udp:127.0.0.1:9810\"\nformat = \"csv\"\n[[imu]]\nrate_hz = 100\n"
-                "protocol = \"native\"\nport = \"file:{}\"\ngyro.max_rad_per_s = 1000\n"
-                "accelerometer.max_m_per_s2 = 1000\nstamp_jitter_us = 5\nstamp_offset_us = 77\n"
-                "clock.frequency_random_walk_ppm_per_rt_hr = 10000\nclock.phase_random_walk_ns_per_rt_s = 50000\n",
-                path("out")));
-  const ProgramResult result =
-      run_program("imud", {"replay", c, path("truth.csv"), "--seeds", "1..3", "--npy", path("a.npy")});
-  ASSERT_EQ(result.exit_code, 0) << result.errors;
-  const auto data_of = [&](const std::string& name) {
-    const std::string all = read_file(path(name));
-    return all.substr(10 + static_cast<unsigned char>(all.at(8)) + 256U * static_cast<unsigned char>(all.at(9)));
+  const std::string keys = fmt::format(
+      "clock = \"fast\"\n[truth]\nport = \"udp:127.0.0.1:9810\"\nformat = \"csv\"\n[[imu]]\nrate_hz = 100\n"
+      "protocol = \"native\"\nport = \"file:{}\"\ngyro.max_rad_per_s = 1000\n"
+      "accelerometer.max_m_per_s2 = 1000\nstamp_jitter_us = 5\nstamp_offset_us = 77\n"
+      "clock.frequency_random_walk_ppm_per_rt_hr = 10000\nclock.phase_random_walk_ns_per_rt_s = 50000\n",
+      path("out"));
+  using Truths = std::array<std::map<std::int64_t, TrueRow>, 3>;  // by seed and by the time of the measurement
+  const auto truths_with = [&](const std::string& faults) {
+    const ProgramResult result = run_program("imud", {"replay", write("config.toml", keys + faults),
+                                                      path("truth.csv"), "--seeds", "1..3", "--npy", path("a.npy")});
+    EXPECT_EQ(result.exit_code, 0) << result.errors;
+    const auto data_of = [&](const std::string& name) {
+      const std::string all = read_file(path(name));
+      return all.substr(10 + static_cast<unsigned char>(all.at(8)) + 256U * static_cast<unsigned char>(all.at(9)));
+    };
+    const std::string measured = data_of("a.npy"), truth = data_of("a_truth.npy");
+    const std::size_t size = row_size(false), rows = measured.size() / size;
+    EXPECT_EQ(rows, truth.size() / sizeof(TrueRow));
+    EXPECT_EQ(rows % 3, 0U);
+    Truths truths;
+    for (std::size_t i = 0; i < rows; ++i) {
+      MeasurementRow row{Measurement{}};
+      TrueRow known;
+      std::memcpy(static_cast<void*>(&row), measured.data() + i * size, size);
+      std::memcpy(&known, truth.data() + i * sizeof known, sizeof known);
+      if (row.time_ns == MeasurementRow::no_time) continue;
+      EXPECT_EQ(row.gyro[0], known.values.gyro[0]) << i;
+      truths[i / (rows / 3)].emplace(row.time_ns, known);
+    }
+    return truths;
   };
-  const std::string measured = data_of("a.npy"), truth = data_of("a_truth.npy");
-  const std::size_t size = row_size(false), rows = measured.size() / size;
-  ASSERT_EQ(rows, truth.size() / sizeof(TrueRow));
-  ASSERT_EQ(rows % 3, 0U);
-  std::array<double, 3> last{};
-  std::array<int, 3> compared{};
-  for (std::size_t i = 0; i < rows; ++i) {
-    MeasurementRow row{Measurement{}};
-    TrueRow known;
-    std::memcpy(static_cast<void*>(&row), measured.data() + i * size, size);
-    std::memcpy(&known, truth.data() + i * sizeof known, sizeof known);
-    if (row.time_ns == MeasurementRow::no_time) continue;
-    const std::size_t seed = i / (rows / 3);
-    ASSERT_EQ(row.gyro[0], known.values.gyro[0]) << i;
-    ++compared[seed];
-    last[seed] = row.gyro[0];
+  const Truths whole = truths_with("");
+  for (const auto& truth : whole) EXPECT_NEAR(static_cast<double>(truth.size()), 10'001, 50);
+  EXPECT_NE(whole[0].rbegin()->second.values.gyro[0], whole[1].rbegin()->second.values.gyro[0]);
+  EXPECT_NE(whole[1].rbegin()->second.values.gyro[0], whole[2].rbegin()->second.values.gyro[0]);
+
+  const Truths lossy =
+      truths_with("[[fault]]\ntarget = \"message\"\nkind = \"missing\"\nat_s = 2\nfor_s = 20\neach = 0.5\n");
+  for (std::size_t seed = 0; seed < lossy.size(); ++seed) {
+    EXPECT_NEAR(static_cast<double>(lossy[seed].size()), 9'000, 200);
+    for (const auto& [time, known] : lossy[seed]) {
+      ASSERT_TRUE(whole[seed].contains(time)) << time;
+      const TrueValues &values = whole[seed].at(time).values, &same = known.values;
+      ASSERT_EQ(same.gyro[0], values.gyro[0]) << time;
+      if (std::isnan(values.dtheta[0])) continue;
+      ASSERT_NEAR(same.dtheta[0], values.dtheta[0], 1e-15) << time;
+    }
   }
-  for (const int count : compared) EXPECT_NEAR(count, 10'001, 50);
-  EXPECT_NE(last[0], last[1]);
-  EXPECT_NE(last[1], last[2]);
 }
 
 // Wander and stamp errors have numbers of their own: noise stays as it is.
