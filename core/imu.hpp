@@ -1,7 +1,9 @@
 // Imu: the sensor model of the Basilisk technical memorandum "Inertial Measurement Unit C++ Model", Rev 1.2.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
+#include <deque>
 #include <optional>
 #include <vector>
 
@@ -13,6 +15,7 @@
 #include "core/environment/vibration.hpp"
 #include "core/navigation_errors.hpp"
 #include "core/numbers/lanes.hpp"
+#include "core/numbers/normal_stock.hpp"
 #include "core/numbers/random.hpp"
 #include "core/rest.hpp"
 #include "core/sample.hpp"
@@ -143,6 +146,11 @@ class Imu {
   // continue from their values. Numbers drawn once, for the unit, at power on or for the vibration, stay.
   void set_seed(std::uint64_t seed) noexcept;
 
+  // Adds stocks of random numbers for `samples` samples, from which the coming samples take their numbers as far as
+  // another thread has filled them. The stocks must outlive the last sample. Allocates; where there is no memory,
+  // the program ends.
+  void take_numbers_from(std::deque<NormalStock>& stocks, std::size_t samples);
+
   // Replaces `before` between two samples. The run, the counter, the increments since the last sample and the random
   // numbers continue, and so do the errors with a memory, as far as their parameters allow (triad_step.hpp). Both
   // must have the same definitions of the increments. A bias that set_bias() has replaced is not kept.
@@ -236,6 +244,8 @@ class Imu {
   void delay(const Timeline& timeline, const MotionState& now, Navigation& navigation) const noexcept;
   void move_to_sensor(const MotionState& state, PositionVelocity& position) const noexcept;
   void draw_constants() noexcept;
+  template <class Visit>
+  void each_sequence(Visit visit) noexcept;  // Triad::each_sequence()
   void follow_truth(const Timeline& timeline, TruthTime time) noexcept;
   void update_surroundings() noexcept;
   Lanes true_delta_angle_B(const MotionState& now) const noexcept;

@@ -1,5 +1,7 @@
 // The parts of a sensor, and the changes between its samples: power, seed, bias, filters.
 
+#include <algorithm>
+
 #include "core/attitude.hpp"
 #include "core/effects/drawn_errors.hpp"
 #include "core/imu.hpp"
@@ -133,12 +135,23 @@ const Vector3& Imu::bias(Quantity quantity) const noexcept {
   return (is_rate ? model_.gyro : is_force ? model_.accelerometer : model_.magnetometer).bias;
 }
 
+template <class Visit>
+void Imu::each_sequence(Visit visit) noexcept {
+  for (Triad* triad : {&gyro_, &accelerometer_, &magnetometer_}) triad->each_sequence(visit);
+  if (inclinometer_) inclinometer_->each_sequence(visit);
+  barometer_.each_sequence(visit);
+  navigation_.each_sequence(visit);
+}
+
 void Imu::set_seed(std::uint64_t seed) noexcept {
   normals_.set_seed(seed);
-  for (Triad* triad : {&gyro_, &accelerometer_, &magnetometer_}) triad->forget_numbers();
-  if (inclinometer_) inclinometer_->forget_numbers();
-  barometer_.forget_numbers();
-  navigation_.forget_numbers();
+  each_sequence([](NormalSequence& sequence) { sequence.forget(); });
+}
+
+void Imu::take_numbers_from(std::deque<NormalStock>& stocks, std::size_t samples) {
+  constexpr std::size_t most = 4096;  // with more internal samples a block lasts for fewer samples
+  const std::size_t numbers = std::min(most, samples * static_cast<std::size_t>(model_.internal_samples));
+  each_sequence([&](NormalSequence& sequence) { sequence.take_from(stocks.emplace_back(numbers)); });
 }
 
 void Imu::reserve_filters(int length) {

@@ -100,8 +100,10 @@ class NavigationError {
     attitude_.continue_from(before.attitude_, normals, k);
     time_.continue_from(before.time_, normals, k);
   }
-  void forget_numbers() noexcept {
-    for (CorrelatedNoise* noise : {&position_, &velocity_, &attitude_, &time_}) noise->forget_numbers();
+  template <class Visit>
+  void each_sequence(Visit visit) noexcept {
+    for (CorrelatedNoise* noise : {&position_, &velocity_, &attitude_, &time_})
+      if (noise->is_on()) noise->each_sequence(visit);
   }
 
  private:

@@ -88,10 +88,12 @@ class Triad {
   void power_on(std::uint64_t number) noexcept {
     each([number](auto& effect) { effect.power_on(number); });
   }
-  // Discards numbers drawn in advance, so that apply() may have other Normals afterwards.
-  void forget_numbers() noexcept {
-    each([](auto& effect) {
-      if constexpr (requires { effect.forget_numbers(); }) effect.forget_numbers();
+  // Calls visit(NormalSequence&) for each sequence of the effects that are on.
+  template <class Visit>
+  void each_sequence(Visit visit) noexcept {
+    each([&visit](auto& effect) {
+      if constexpr (requires { effect.each_sequence(visit); })
+        if (effect.is_on()) effect.each_sequence(visit);
     });
   }
   // Makes sample k the next, with the memory of `before`, whose parameters may be others (triad_step.hpp).

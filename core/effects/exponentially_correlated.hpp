@@ -40,9 +40,10 @@ class ExponentiallyCorrelated {
   void continue_from(const ExponentiallyCorrelated& before, const Normals& normals, std::uint64_t k) noexcept {
     noise_.continue_from(before.noise_, normals, k);
   }
-  void forget_numbers() noexcept {
-    noise_.forget_numbers();
-    within_step_.forget();
+  template <class Visit>
+  void each_sequence(Visit visit) noexcept {
+    noise_.each_sequence(visit);
+    visit(within_step_);
   }
 
  private:

@@ -46,7 +46,10 @@ class GaussMarkov {
   }
   void power_on(std::uint64_t) noexcept {}
   void continue_from(const GaussMarkov& before, const Normals&, std::uint64_t) noexcept { x_ = before.x_; }
-  void forget_numbers() noexcept { normals_.forget(); }
+  template <class Visit>
+  void each_sequence(Visit visit) noexcept {
+    visit(normals_);
+  }
 
  private:
   static constexpr double infinity = std::numeric_limits<double>::infinity();

@@ -38,9 +38,10 @@ class RandomWalk {
   }
   void power_on(std::uint64_t) noexcept {}
   void continue_from(const RandomWalk& before, const Normals&, std::uint64_t) noexcept { b_ = before.b_; }
-  void forget_numbers() noexcept {
-    normals_.forget();
-    within_step_.forget();
+  template <class Visit>
+  void each_sequence(Visit visit) noexcept {
+    visit(normals_);
+    visit(within_step_);
   }
 
  private:

@@ -32,8 +32,9 @@ struct EffectTraits {
 //   void seek(const Normals&, std::uint64_t k) noexcept
 //                                              after which apply() of sample k does as in the sequence from sample 0
 //   void power_on(std::uint64_t number) noexcept
-// The last two are empty in StatelessEffect. An effect that has computed random numbers ahead also has
-//   void forget_numbers() noexcept             after which apply() may have other Normals
+// The last two are empty in StatelessEffect. An effect with NormalSequences also has
+//   template <class Visit> void each_sequence(Visit visit) noexcept
+//                                              which calls visit(NormalSequence&) for each of them
 // An effect with a memory also has
 //   void continue_from(const Effect& before, const Normals&, std::uint64_t k) noexcept
 //                                              after which apply() of sample k goes on from that effect, which has

@@ -23,7 +23,10 @@ class WhiteNoise : public StatelessEffect {
   void apply(TriadStep& step) noexcept {
     step.constant_error += lanes(sigma_) * lanes(normals_.at(step.normals, step.k));
   }
-  void forget_numbers() noexcept { normals_.forget(); }
+  template <class Visit>
+  void each_sequence(Visit visit) noexcept {
+    visit(normals_);
+  }
 
  private:
   Vector3 sigma_;

@@ -114,7 +114,10 @@ class Barometer {
     is_settled_ = false;
     drift_.seek(normals, k);
   }
-  void forget_numbers() noexcept { drift_.forget_numbers(); }
+  template <class Visit>
+  void each_sequence(Visit visit) noexcept {
+    if (drift_.is_on()) drift_.each_sequence(visit);
+  }
   // Makes sample k the next, with the memory of `before`.
   void continue_from(const Barometer& before, const Normals& normals, std::uint64_t k) noexcept {
     drift_.continue_from(before.drift_, normals, k);

@@ -67,8 +67,11 @@ class CorrelatedNoise {
     for (int i = 0; i < 3; ++i)
       b_[i] = before.sigma_[i] > 0 ? sigma_[i] / before.sigma_[i] * before.b_[i] : sigma_[i] * n[i];
   }
-  // Discards the random numbers computed ahead; b continues from its value.
-  void forget_numbers() noexcept { normals_.forget(); }
+  // Calls visit(NormalSequence&).
+  template <class Visit>
+  void each_sequence(Visit visit) noexcept {
+    visit(normals_);
+  }
 
  private:
   Vector3 sigma_, transition_, driving_;

@@ -9,6 +9,7 @@
 #include <cmath>
 
 #include "core/numbers/elementary.hpp"
+#include "core/numbers/normal_stock.hpp"
 
 namespace imud {
 namespace {
@@ -117,8 +118,8 @@ double Normals::uniform(Quantity quantity, Process process, std::uint64_t k) con
 namespace {
 
 // Deviates holds one batch: all samples of x, then of y, then of z. One Philox counter gives two samples.
-constexpr std::size_t per_axis = NormalSequence::batch / 2, counters = 3 * per_axis;
-using Deviates = std::array<double, 2 * counters>;
+constexpr std::size_t per_axis = NormalBatch::samples / 2, counters = 3 * per_axis;
+using Deviates = NormalBatch::Deviates;
 
 struct BatchId {
   Philox::key_type key;
@@ -246,16 +247,20 @@ Vector3 Normals::operator()(Quantity quantity, Process process, std::uint64_t k)
   return n;
 }
 
+void NormalBatch::compute(Deviates& deviates) const noexcept {
+  const BatchId id = {
+      .key = {{low(seed), high(seed)}}, .first = number * per_axis, .purpose = purpose, .stream = stream};
+#if defined(__x86_64__)
+  if (__builtin_cpu_supports("avx2")) return compute_batch_avx2(id, deviates);
+#endif
+  compute_batch(id, deviates);
+}
+
 void NormalSequence::compute(const Normals& normals, std::uint64_t number) noexcept {
   number_ = number;
-  const BatchId id = {.key = {{low(normals.seed_), high(normals.seed_)}},
-                      .first = number * per_axis,
-                      .purpose = purpose(quantity_, process_),
-                      .stream = normals.stream_};
-#if defined(__x86_64__)
-  if (__builtin_cpu_supports("avx2")) return compute_batch_avx2(id, deviates_);
-#endif
-  compute_batch(id, deviates_);
+  const NormalBatch wanted = {
+      .seed = normals.seed_, .stream = normals.stream_, .purpose = purpose(quantity_, process_), .number = number};
+  if (stock_ == nullptr || !stock_->take(wanted, deviates_)) wanted.compute(deviates_);
 }
 
 }  // namespace imud

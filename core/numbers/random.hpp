@@ -70,6 +70,22 @@ constexpr double uniform(std::uint64_t bits) noexcept {
   return (static_cast<double>(static_cast<std::int64_t>(bits >> 12U)) + 0.5) * 0x1p-52;
 }
 
+// 16 samples of one stream on three axes, from sample 16 `number` on.
+struct NormalBatch {
+  static constexpr std::size_t samples = 16;
+  using Deviates = std::array<double, 3 * samples>;  // all of x, then of y, then of z
+  std::uint64_t seed;
+  std::uint32_t stream;
+  std::uint32_t purpose;  // of the quantity and the process
+  std::uint64_t number;
+
+  bool operator==(const NormalBatch&) const noexcept = default;
+  // Computes N(0, 1) of each sample and axis, with the same bits as Normals.
+  void compute(Deviates& deviates) const noexcept;
+};
+
+class NormalStock;
+
 // The normal deviates of one imu, one stream per quantity, axis and process, of Philox4x32-10 with the seed as key
 // and {k/2, k/2, process/quantity/axis, imu} as counter. The first two of its four output words give the deviate of
 // an even k, the last two the deviate of k + 1. All deviates are independent. (Salmon et al., "Parallel random
@@ -93,14 +109,17 @@ class Normals {
   std::uint32_t stream_;
 };
 
-// The normal deviates of one quantity and process, for a caller that takes them in ascending order: 16 samples are
-// computed at once, in vector registers where the compiler has any, with the same bits as Normals.
+// The normal deviates of one quantity and process, for a caller that takes them in ascending order: a batch is
+// computed at once, in vector registers where the compiler has any, or is taken from a stock.
 class NormalSequence {
  public:
-  static constexpr std::size_t batch = 16;  // samples
+  static constexpr std::size_t batch = NormalBatch::samples;
   NormalSequence(Quantity quantity, Process process) noexcept : quantity_(quantity), process_(process) {}
   // Discards numbers computed ahead: the next call may have other `normals`.
   void forget() noexcept { number_ = ~std::uint64_t{0}; }
+  // From now on takes the numbers from `stock`, unless they are not there yet. The stock must outlive the last call
+  // of at().
+  void take_from(NormalStock& stock) noexcept { stock_ = &stock; }
   Quantity quantity() const noexcept { return quantity_; }
   // Returns N(0, 1) on each axis for sample k. `normals` must be the same in all calls since forget().
   Vector3 at(const Normals& normals, std::uint64_t k) noexcept {
@@ -114,8 +133,9 @@ class NormalSequence {
 
   Quantity quantity_;
   Process process_;
+  NormalStock* stock_ = nullptr;
   std::uint64_t number_ = ~std::uint64_t{0};
-  std::array<double, 3 * batch> deviates_ = {};  // all of x, then of y, then of z
+  NormalBatch::Deviates deviates_ = {};
 };
 
 }  // namespace imud

@@ -5,11 +5,15 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <atomic>
+#include <chrono>
 #include <cmath>
 #include <cstdint>
 #include <set>
+#include <thread>
 #include <vector>
 
+#include "core/numbers/normal_stock.hpp"
 #include "tests/core/statistics.hpp"
 
 namespace imud {
@@ -39,6 +43,65 @@ TEST(NormalSequence, GivesTheDeviatesOfNormals) {
     ASSERT_EQ(sequence.at(normals, k), normals(Quantity::specific_force, Process::white_noise, k)) << k;
   for (const std::uint64_t k : {0xffff'fff0ULL, 0x1'0000'0005ULL, 0x1'ffff'ffffULL, 3ULL, 0x1234'5678'9abc'def0ULL})
     EXPECT_EQ(sequence.at(normals, k), normals(Quantity::specific_force, Process::white_noise, k)) << k;
+}
+
+// A stock that is filled at any time, also for another seed than the next number's, has the same numbers.
+TEST(NormalStock, HasTheDeviatesOfNormalsWheneverItIsFilled) {
+  Normals normals(5, 77);
+  NormalStock stock(40);  // three batches
+  NormalSequence sequence(Quantity::rate, Process::random_walk);
+  sequence.take_from(stock);
+  for (std::uint64_t k = 0; k < 20'000; ++k) {
+    if (k % 5'000 == 4'999) {
+      normals.set_seed(k);
+      sequence.forget();
+    }
+    if (normals.uniform(Quantity::rate, Process::fault, k) < 0.04) stock.fill();
+    ASSERT_EQ(sequence.at(normals, k), normals(Quantity::rate, Process::random_walk, k)) << k;
+  }
+}
+
+// The next block is there once fill() has ended after the first number of a block, and nothing else is.
+TEST(NormalStock, HasWhatWasRequested) {
+  NormalStock stock(4 * NormalBatch::samples);
+  NormalBatch batch = {.seed = 1, .stream = 2, .purpose = 3, .number = 0};
+  NormalBatch::Deviates taken{}, own{};
+  EXPECT_FALSE(stock.take(batch, taken));
+  stock.fill();
+  for (batch.number = 1; batch.number < 4; ++batch.number) EXPECT_FALSE(stock.take(batch, taken)) << batch.number;
+  for (; batch.number < 8; ++batch.number) {
+    EXPECT_TRUE(stock.take(batch, taken)) << batch.number;
+    batch.compute(own);
+    EXPECT_EQ(taken, own) << batch.number;
+  }
+  EXPECT_FALSE(stock.take(batch, taken)) << "requested, but not filled";
+  stock.fill();
+  EXPECT_TRUE(stock.take(batch, taken));
+  for (NormalBatch other : {NormalBatch{2, 2, 3, 8}, NormalBatch{1, 3, 3, 8}, NormalBatch{1, 2, 4, 8}})
+    EXPECT_FALSE(stock.take(other, taken));
+}
+
+// At least until a thousand batches were taken.
+TEST(NormalStock, IsFilledByAnotherThread) {
+  NormalStock stock(64);
+  std::atomic<bool> ends = false;
+  std::thread filling([&] {
+    while (!ends) stock.fill();
+  });
+  NormalBatch batch = {.seed = 1, .stream = 2, .purpose = 3, .number = 0};
+  NormalBatch::Deviates taken{}, own{};
+  std::size_t there = 0, different = 0;
+  const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(60);
+  for (; batch.number < 10'000 || (there < 1000 && std::chrono::steady_clock::now() < end); ++batch.number) {
+    batch.compute(own);
+    if (!stock.take(batch, taken)) continue;
+    ++there;
+    different += taken != own ? 1U : 0U;
+  }
+  ends = true;
+  filling.join();
+  EXPECT_GE(there, 1000U);
+  EXPECT_EQ(different, 0U);
 }
 
 TEST(InverseNormalCdf, KnownAnswersOfAs241) {

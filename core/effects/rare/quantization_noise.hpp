@@ -31,7 +31,10 @@ class QuantizationNoise {
   }
   void seek(const Normals&, std::uint64_t) noexcept {}
   void power_on(std::uint64_t) noexcept {}
-  void forget_numbers() noexcept { readings_.forget(); }
+  template <class Visit>
+  void each_sequence(Visit visit) noexcept {
+    visit(readings_);
+  }
   void continue_from(const QuantizationNoise& before, const Normals&, std::uint64_t) noexcept {
     last_ = before.last_;
     last_number_ = before.last_number_;
