@@ -145,13 +145,15 @@ void Imu::each_sequence(Visit visit) noexcept {
 
 void Imu::set_seed(std::uint64_t seed) noexcept {
   normals_.set_seed(seed);
-  each_sequence([](NormalSequence& sequence) { sequence.forget(); });
+  each_sequence([](NormalSequence& sequence, std::uint64_t = 1) { sequence.forget(); });
 }
 
 void Imu::take_numbers_from(std::deque<NormalStock>& stocks, std::size_t samples) {
   constexpr std::size_t most = 4096;  // with more internal samples a block lasts for fewer samples
   const std::size_t numbers = std::min(most, samples * static_cast<std::size_t>(model_.internal_samples));
-  each_sequence([&](NormalSequence& sequence) { sequence.take_from(stocks.emplace_back(numbers)); });
+  each_sequence([&](NormalSequence& sequence, std::uint64_t stride = 1) {
+    sequence.take_from(stocks.emplace_back(numbers / stride + 1));
+  });
 }
 
 void Imu::reserve_filters(int length) {

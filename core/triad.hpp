@@ -88,7 +88,8 @@ class Triad {
   void power_on(std::uint64_t number) noexcept {
     each([number](auto& effect) { effect.power_on(number); });
   }
-  // Calls visit(NormalSequence&) for each sequence of the effects that are on.
+  // Calls visit(NormalSequence&, std::uint64_t stride = 1) for each sequence of the effects that are on
+  // (triad_step.hpp).
   template <class Visit>
   void each_sequence(Visit visit) noexcept {
     each([&visit](auto& effect) {

@@ -34,7 +34,10 @@ Flicker::Flicker(const TriadErrors& errors, Quantity quantity, double period_s)
     : instability_(errors.bias_instability),
       quantity_(quantity),
       on_(!errors.bias_instability.isZero(0.0)),
-      count_(octaves(errors.flicker_from_s, errors.flicker_to_s)) {
+      count_(octaves(errors.flicker_from_s, errors.flicker_to_s)),
+      first_{NormalSequence(quantity, octave_of(Process::flicker, 0)),
+             NormalSequence(quantity, octave_of(Process::flicker, 1)),
+             NormalSequence(quantity, octave_of(Process::flicker, 2))} {
   std::uint64_t stride = 1;
   double time = first_correlation_time(errors.flicker_from_s), within = 0;
   const bool is_low_rate = period_s * nodes > time;
@@ -58,9 +61,13 @@ Flicker::Flicker(const TriadErrors& errors, Quantity quantity, double period_s)
 
 // Computes the process at the end of the stride that begins at node `node`.
 void Flicker::advance(Octave& octave, std::size_t index, const Normals& normals, std::uint64_t node) noexcept {
-  const Process process = octave_of(Process::flicker, static_cast<std::uint32_t>(index));
-  octave.begin = node == 0 ? Vector3(octave.stationary * normals(quantity_, process, 0)) : octave.end;
-  octave.end = octave.transition * octave.begin + octave.driving * normals(quantity_, process, node + 1);
+  const auto number = [&](std::uint64_t k) {
+    return index < first_.size()
+               ? first_[index].at(normals, k)
+               : normals(quantity_, octave_of(Process::flicker, static_cast<std::uint32_t>(index)), k);
+  };
+  octave.begin = node == 0 ? Vector3(octave.stationary * number(0)) : octave.end;
+  octave.end = octave.transition * octave.begin + octave.driving * number(node + 1);
 }
 
 // Begins the stride of the first process that begins at sample `first`. The sum is linear over this stride.

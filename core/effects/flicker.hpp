@@ -49,6 +49,11 @@ class Flicker {
   // Each process goes on if it has the same correlation time and stride; otherwise it restarts, stationary.
   void continue_from(const Flicker& before, const Normals& normals, std::uint64_t k) noexcept;
 
+  template <class Visit>
+  void each_sequence(Visit visit) noexcept {
+    for (std::size_t i = 0; i < first_.size(); ++i) visit(first_[i], octaves_[i].stride);
+  }
+
   // Returns the number of processes that the averaging times need, and the correlation time of the first, s.
   static std::size_t octaves(double from_s, double to_s) noexcept;
   static double first_correlation_time(double from_s) noexcept;
@@ -74,6 +79,7 @@ class Flicker {
   bool on_;
   std::size_t count_;
   std::array<Octave, max_octaves> octaves_;
+  std::array<NormalSequence, 3> first_;  // of the first processes, which take most numbers
   Vector3 segment_begin_ = Vector3::Zero(), slope_ = Vector3::Zero();  // of the sum, from sample to sample
   // Where samples are further apart than Tc/16 of the first process: the difference of the mean over a step
   // from the mean of its ends, for B = 1. `mean_beyond_` is its expected value, `within_` its standard deviation.

@@ -34,7 +34,8 @@ struct EffectTraits {
 //   void power_on(std::uint64_t number) noexcept
 // The last two are empty in StatelessEffect. An effect with NormalSequences also has
 //   template <class Visit> void each_sequence(Visit visit) noexcept
-//                                              which calls visit(NormalSequence&) for each of them
+//                                              which calls visit(sequence) for each of them, or visit(sequence,
+//                                              stride) if it takes a number only for each `stride` samples
 // An effect with a memory also has
 //   void continue_from(const Effect& before, const Normals&, std::uint64_t k) noexcept
 //                                              after which apply() of sample k goes on from that effect, which has
