@@ -59,7 +59,12 @@ void Assembly::run(Host& host, const std::atomic<bool>& stop, const Limits& limi
     return repeated_->run(engine_, host, {pace, limits.duration, limits.awaits_truth}, stop);
   }
   std::optional<EncodingThread> encoding;
-  if (encodes_apart_) engine_.encode_by(&encoding.emplace(engine_.channels().size(), stop));
+  if (encodes_apart_) {
+    const std::size_t imus = engine_.channels().size();
+    for (const auto& channel : engine_.channels())
+      channel->sensor.imu().take_numbers_from(numbers_, EncodingThread::batch_size / imus + 1);
+    engine_.encode_by(&encoding.emplace(imus, stop, numbers_));
+  }
   Loop(engine_, host, *pacer_, {pace_, limits.duration, epoch_}, clock_, stop).run();
   engine_.encode_by(nullptr);
 }

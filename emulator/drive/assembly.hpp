@@ -2,6 +2,7 @@
 #pragma once
 
 #include <atomic>
+#include <deque>
 #include <functional>
 #include <memory>
 #include <optional>
@@ -54,6 +55,7 @@ class Assembly {
   const unsigned threads_;  // the number of threads that may be used
   std::optional<RecordedRun> repeated_;
   std::optional<ReadAhead> ahead_;
+  std::deque<NormalStock> numbers_;  // of the imus, if encodes_apart_
   Engine engine_;
   ClockCounters clock_;
   const bool encodes_apart_;

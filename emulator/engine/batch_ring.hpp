@@ -41,7 +41,13 @@ class BatchRing {
     for (std::size_t i = 0; i < size; ++i) ::sem_post(&free_);
   }
 
-  // For the taking thread: next_filled() waits for the oldest published batch, and give_back() returns this batch.
+  // For the taking thread: has_filled() returns whether a published batch waits. next_filled() waits for the oldest
+  // published batch, and give_back() returns this batch.
+  bool has_filled() noexcept {
+    int count = 0;
+    ::sem_getvalue(&filled_, &count);
+    return count > 0;
+  }
   Batch& next_filled() noexcept {
     wait(filled_);
     return batches_[taking_];

@@ -4,7 +4,8 @@
 
 namespace imud {
 
-EncodingThread::EncodingThread(std::size_t channels, const std::atomic<bool>& stop) : stop_(stop) {
+EncodingThread::EncodingThread(std::size_t channels, const std::atomic<bool>& stop, std::deque<NormalStock>& numbers)
+    : stop_(stop), numbers_(numbers) {
   for (Batch& batch : ring_.batches()) batch.items.reserve(batch_size + channels);
   thread_ = std::thread([this] { run(); });
 }
@@ -51,6 +52,7 @@ void EncodingThread::finish() noexcept {
 
 void EncodingThread::run() noexcept {
   while (true) {
+    for (auto stock = numbers_.begin(); stock != numbers_.end() && !ring_.has_filled(); ++stock) stock->fill();
     Batch& batch = ring_.next_filled();
     if (batch.count == 0) return;
     for (std::span<Item> left(batch.items.data(), batch.count); !left.empty();) {

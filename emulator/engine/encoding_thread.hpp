@@ -2,11 +2,13 @@
 #pragma once
 
 #include <atomic>
+#include <deque>
 #include <memory>
 #include <span>
 #include <thread>
 #include <vector>
 
+#include "core/numbers/normal_stock.hpp"
 #include "core/sample.hpp"
 #include "emulator/engine/batch_ring.hpp"
 #include "emulator/imu/channel.hpp"
@@ -19,13 +21,16 @@ namespace imud {
 // run's first samples.
 class EncodingThread {
  public:
-  // `channels`: how many imus there are. `stop` ends the waits for readers.
-  EncodingThread(std::size_t channels, const std::atomic<bool>& stop);
+  // `channels`: how many imus there are. `stop` ends the waits for readers. `numbers` are filled while no sample
+  // waits to be sent.
+  EncodingThread(std::size_t channels, const std::atomic<bool>& stop, std::deque<NormalStock>& numbers);
   // Sends the samples that were put, and ends the thread.
   ~EncodingThread();
   EncodingThread(const EncodingThread&) = delete;
   EncodingThread& operator=(const EncodingThread&) = delete;
 
+  // The number of samples that are passed on together.
+  static constexpr std::size_t batch_size = 1024;
   // Returns true if the frames of all these imus may be made here.
   static bool serves(std::span<const std::unique_ptr<Channel>> channels) noexcept;
 
@@ -51,8 +56,9 @@ class EncodingThread {
   void send(std::span<Item> instant) noexcept;
   void publish() noexcept;
 
-  static constexpr std::size_t batch_size = 1024, batches = 3;
+  static constexpr std::size_t batches = 3;
   const std::atomic<bool>& stop_;
+  std::deque<NormalStock>& numbers_;
   BatchRing<Batch, batches> ring_;
   Batch* filling_ = nullptr;
   std::thread thread_;

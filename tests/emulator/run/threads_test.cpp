@@ -2,7 +2,15 @@
 #include <gtest/gtest.h>
 #include <sched.h>
 
+#include <array>
+#include <atomic>
+#include <chrono>
+#include <deque>
+#include <thread>
+
+#include "emulator/config/load_config.hpp"
 #include "emulator/drive/truth_pieces.hpp"
+#include "emulator/engine/encoding_thread.hpp"
 #include "protocols/protocol.hpp"
 #include "tests/emulator/run/run_test.hpp"
 #include "tests/support/text.hpp"
@@ -184,6 +192,40 @@ TEST_F(ThreadsTest, ManySkippedPacketsDoNotHoldTheReaderUp) {
   for (TruthPiece piece; reader.read(piece); ++pieces) EXPECT_TRUE(piece.records.empty());
   EXPECT_EQ(pieces, 5);  // after 1024 packets each, and the end
   EXPECT_EQ(reader.port().counters().not_ours, 5000U);
+}
+
+// Otherwise the sampling thread would compute all of them, with the same bytes.
+TEST_F(ThreadsTest, RandomNumbersAreThereAhead) {
+  std::deque<NormalStock> stocks;
+  NormalStock& stock = stocks.emplace_back(NormalBatch::samples);
+  NormalBatch batch = {.seed = 1, .stream = 2, .purpose = 3, .number = 0};
+  NormalBatch::Deviates taken, own;
+  EXPECT_FALSE(stock.take(batch, taken)) << "only the next one is requested";
+  const std::atomic<bool> stop = false;
+  const EncodingThread encoding(1, stop, stocks);
+  ++batch.number;
+  const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(60);
+  while (!stock.take(batch, taken) && std::chrono::steady_clock::now() < end) std::this_thread::yield();
+  batch.compute(own);
+  EXPECT_EQ(taken, own);
+
+  const std::array<std::string, 1> model = {"imu.0.model=stim300"};
+  const Config noisy = load_config(config("fast", "file:flight.csv", "csv", 1000, "native", "file:out"), model);
+  std::deque<NormalStock> of_imu;
+  Imu(noisy.imus[0].model, 1, 1).take_numbers_from(of_imu, 1000);
+  EXPECT_EQ(of_imu.size(), 8U) << "white noise and three processes of the flicker, of two triads";
+}
+
+// A hundred thousand numbers of each kind in a sample.
+TEST_F(ThreadsTest, ManyInternalSamplesNeedLittleMemory) {
+  std::string text(columns);
+  for (int ms = 0; ms <= 3000; ms += 100) text += row(ms);
+  const std::string c = config("fast", "file:flight.csv", "csv", 1, "native", "file:" + path("out"));
+  const ProgramResult result = run_program(
+      "/usr/bin/prlimit", {"--as=1500000000", IMUD_BIN_DIR "/imud", "replay", c, write("flight.csv", text), "--fast",
+                           "--threads", "3", "--set", "imu.0.model=stim300", "--set", "imu.0.internal_rate_hz=1e5"});
+  EXPECT_EQ(result.exit_code, 0) << result.errors;
+  EXPECT_TRUE(contains(result.errors, " by 3 threads")) << result.errors;
 }
 
 TEST_F(ThreadsTest, TheirNumberIsChecked) {
