@@ -22,6 +22,8 @@ std::span<const FaultKind* const> fault_kinds() noexcept {
 }
 
 const FaultKind* find_fault_kind(std::string_view name, std::string_view target) noexcept {
+  if (name == "dropout") name = "missing";
+  if (name == "delay") name = "late";
   for (const FaultKind* kind : fault_kinds())
     if (kind->name == name && std::ranges::find(kind->targets, target) != kind->targets.end()) return kind;
   return nullptr;

@@ -19,7 +19,8 @@ std::span<const FaultKind> power_fault_kinds() noexcept;
 
 // Returns the kinds of all seams, by seam.
 std::span<const FaultKind* const> fault_kinds() noexcept;
-// Returns the kind of that name that has the target; nullptr if there is none.
+// Returns the kind of that name that has the target; nullptr if there is none. `missing` and `late` have a second
+// name each, `dropout` and `delay`.
 const FaultKind* find_fault_kind(std::string_view name, std::string_view target) noexcept;
 
 // Returns why the product cannot have a fault of this kind on this target, and which it can have; empty if it can.

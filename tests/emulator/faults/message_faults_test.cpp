@@ -35,6 +35,16 @@ TEST_F(MessageFaultsTest, MissingMessages) {
   EXPECT_NEAR(static_cast<double>(clean.frames.size() - some.frames.size()), 125, 49);
 }
 
+TEST_F(MessageFaultsTest, TwoKindsHaveASecondName) {
+  const std::string settings = "delay_ms = 7\n";
+  const Result late = faulty("late", settings), delay = faulty("delay", settings);
+  ASSERT_EQ(faulty("dropout").frames.size(), late.frames.size() - 500);
+  ASSERT_EQ(delay.frames.size(), late.frames.size());
+  for (std::size_t k = 0; k < late.frames.size(); ++k) ASSERT_EQ(delay.frames[k].time, late.frames[k].time) << k;
+  const std::string value = "value = 3\n";
+  EXPECT_EQ(faulty("delay", value, "truth").frames.size(), faulty("late", value, "truth").frames.size());
+}
+
 TEST_F(MessageFaultsTest, RepeatedMessages) {
   const Result clean = run(""), twice = faulty("repeated", "value = 2\n");
   ASSERT_EQ(twice.frames.size(), clean.frames.size() + 1000);
