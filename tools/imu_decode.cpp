@@ -1,5 +1,6 @@
 // imu-decode: decodes any protocol from any port, and reports the quality of the stream.
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
@@ -14,6 +15,7 @@
 #include <utility>
 #include <vector>
 
+#include "emulator/config/load_config.hpp"
 #include "emulator/ground/progress_line.hpp"
 #include "protocols/measurements/measurement_csv.hpp"
 #include "protocols/protocol.hpp"
@@ -39,6 +41,7 @@ constexpr int limit_broken = 3;
 
 struct Options {
   DecodeOptions input{.program = "imu-decode"};
+  std::string like;  // a configuration; empty: none
   std::vector<std::string> limits;
   std::string json_path;
   MeasurementFiles::Options files;
@@ -101,14 +104,30 @@ class Recorder final : public MeasurementReceiver, public FrameReceiver {
   std::optional<HostTime> arrival_;
 };
 
-int decode(const Options& options, bool& running) {
+// Returns the imu of --like, and enters the files that the configuration names in `in_use`. Throws ConfigError, and
+// std::invalid_argument if there is no imu of the wanted name.
+ImuConfig imu_like(const std::string& file, const std::string& name, FilesInUse& in_use) {
+  const Config config = load_config(file, {}, "-");  // any capture: the truth is not read
+  for (const std::string& warning : config.warnings) fmt::print(stderr, "imu-decode: {}\n", warning);
+  in_use = config.files;
+  std::vector<std::string> names;
+  for (const ImuConfig& imu : config.imus) {
+    if (name.empty() || imu.name == name) return imu;
+    names.push_back(imu.name);
+  }
+  throw std::invalid_argument(fmt::format("{}: has no imu {}; there are {}", file, name, fmt::join(names, ", ")));
+}
+
+// `like`: the settings of the imu of --like; nullopt: the initial ones. `in_use`: the files of its configuration.
+int decode(const Options& options, const std::optional<Settings>& like, FilesInUse in_use, bool& running) {
   const Protocol& protocol = protocol_for(options.input);
   std::vector<Requirement> required;
   for (const std::string& limits : options.limits)
     for (Requirement& limit : parse_requirements(limits)) required.push_back(std::move(limit));
   for (const Requirement& limit : required)
     StreamReport{protocol, {}, StreamStatistics(protocol), {}, {}, {}, {}, {}}.seen(limit);
-  const Settings settings = settings_from(protocol.settings, options.input.settings);
+  const Settings settings =
+      settings_from(like.value_or(Settings(protocol.settings)), protocol.settings, options.input.settings);
   const auto decoder = protocol.make_decoder(settings);
   auto* const field_decoder = dynamic_cast<FieldDecoder*>(decoder.get());
   if (options.fields && field_decoder == nullptr)
@@ -124,8 +143,8 @@ int decode(const Options& options, bool& running) {
   TextOutput csv("-");
   std::optional<FieldCsv> fields;
   if (options.fields) fields.emplace(*field_decoder, csv);
-  FilesInUse in_use;
   add_input_files(options.input, in_use);
+  in_use.add(options.like, "the file of --like");
   if (const std::string fault = in_use.claim(options.json_path, "the file of --json"); !fault.empty())
     throw std::runtime_error(fault);
   MeasurementFiles files(options.files, protocol, options.input.port, in_use);
@@ -192,10 +211,20 @@ int execute(int argc, char** argv, bool& running) {
     if (options.fields && options.quiet) throw CLI::ExcludesError("--fields", "--quiet");
     if (options.inclination && options.quiet) throw CLI::ExcludesError("--inclination", "--quiet");
     if (options.inclination && options.fields) throw CLI::ExcludesError("--inclination", "--fields");
-    if (options.input.protocol.empty()) throw CLI::RequiredError("PROTOCOL");
+    if (!options.like.empty()) {
+      if (!options.input.port.empty()) throw CLI::ExcludesError("--like", "PROTOCOL");
+      std::swap(options.input.protocol, options.input.port);
+      options.files.imu_has_other_use = true;
+    } else if (options.input.protocol.empty()) {
+      throw CLI::RequiredError("PROTOCOL");
+    }
     if (options.input.port.empty()) throw CLI::RequiredError("PORT");
     if (!options.quiet && ::isatty(STDOUT_FILENO) == 1) ProgressLine::hide_all();
   });
+  add(app, "--like", options.like, "CONFIG",
+      "in place of PROTOCOL: decodes what a unit sends that is set up like the imu of this configuration, the first\n"
+      "one or --imu")
+      ->excludes("--find-check");
   add(app, "--require", options.limits, "LIMIT",
       "exits with 3 if a figure of the report breaks this limit, such as gaps=0 or jitter_p99_us<500;\n"
       "several with commas; may be repeated")
@@ -215,14 +244,24 @@ int execute(int argc, char** argv, bool& running) {
       "\n{}\n{}\nExit codes: 0 done, 1 failed while running or no sample decoded, 2 the command line is wrong or "
       "the port cannot be opened, 3 a limit of --require is broken.\n"
       "Example: imu-decode native pty:imu1 --for 60 > imu1.csv\n"
+      "         imu-decode --like imu.toml recording.bin --quiet\n"
       "         imu-decode --find-check capture.bin --rate-hz 100 > mine.toml",
       known_protocols(), known_ports()));
   if (const auto exit_code = parse(app, argc, argv)) return *exit_code;
 
   catch_stop_signals();
   if (!find.capture.empty()) return find_check(find, options.input.for_s, options.files.rate_hz.value_or(0), running);
+  std::optional<Settings> like;
+  FilesInUse in_use;
+  if (!options.like.empty()) {
+    const ImuConfig imu = imu_like(options.like, options.files.imu, in_use);
+    options.input.protocol = imu.protocol->name;
+    like = imu.settings;
+    fmt::print(stderr, "imu-decode: like {} of {}: {} at {:g} Hz\n", imu.name, options.like, imu.protocol->name,
+               imu.model.rate_hz);
+  }
   options.input.resolve_port();
-  return decode(options, running);
+  return decode(options, like, std::move(in_use), running);
 }
 
 }  // namespace

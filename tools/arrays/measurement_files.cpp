@@ -57,7 +57,8 @@ void MeasurementFiles::add_options(CLI::App& app, Options& options) {
       "adds the truth at each sample, without errors: what `imud replay CONFIG CAPTURE` sends is decoded,\n"
       "or what a run has sent, from its RECORD alone")
       ->expected(1, 2);
-  add(app, "--imu", options.imu, "NAME", "name of the imu in --truth; default: the first with the protocol");
+  add(app, "--imu", options.imu, "NAME",
+      "name of the imu in --truth or --like; default: the first with the protocol");
 }
 
 namespace {
@@ -73,8 +74,8 @@ void check(const MeasurementFiles::Options& options, FilesInUse& in_use) {
     throw std::invalid_argument(fmt::format("--truth: is for {}, of which none is given", list_options(is_any)));
   if (!options.truth.empty() && !options.config.empty())
     throw std::invalid_argument("--config: that of --truth becomes the attribute; omit it");
-  if (options.truth.empty() && !options.imu.empty())
-    throw std::invalid_argument("--imu: is for --truth, which is not given");
+  if (options.truth.empty() && !options.imu.empty() && !options.imu_has_other_use)
+    throw std::invalid_argument("--imu: is for --truth and --like, of which none is given");
   if (options.truth.size() == 1 && record_transport_of(options.truth.front()) == nullptr)
     throw std::invalid_argument(options.truth.front() +
                                 ": is no record of imud; --truth needs one, or a configuration and its capture");

@@ -6,7 +6,9 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <filesystem>
 #include <stdexcept>
+#include <system_error>
 
 #include "core/numbers/nearest.hpp"
 #include "emulator/frames/described_protocols.hpp"
@@ -23,11 +25,19 @@ namespace imud {
 void DecodeOptions::resolve_port() {
   const Protocol* found = find_input_format(protocol);
   const bool is_can = found != nullptr && found->link == Link::can;
-  if (port == "-") port = standard_input_port(is_can, is_can);
+  const std::string input = standard_input_port(is_can, is_can);
+  if (port == "-") port = input;
+  std::error_code error;
+  if (found == nullptr || port.find_first_of(":?") != port.npos || !std::filesystem::is_regular_file(port, error))
+    return;
+  const std::string chosen = capture_port(port);
+  const Transport* transport = transport_of(chosen);
+  const bool carries = transport != nullptr && (transport->carries_any || transport->carries_can == is_can);
+  port = is_can && !carries ? input.substr(0, input.find(':') + 1) + port : chosen;
 }
 
 void add_input_options(CLI::App& app, DecodeOptions& options) {
-  add(app, "PORT", options.port, "", "port to receive from, see below; - is standard input")->required();
+  add(app, "PORT", options.port, "", "port to receive from, see below, or a file; - is standard input")->required();
   add(app, "--set", options.settings, "KEY=VALUE", "a setting of the protocol; may be repeated")
       ->allow_extra_args(false);
   app.add_option_function<std::string>(

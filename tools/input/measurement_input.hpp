@@ -25,7 +25,7 @@ struct DecodeOptions {
   double for_s = std::numeric_limits<double>::infinity();           // of the host's clock
   std::uint64_t count = std::numeric_limits<std::uint64_t>::max();  // samples
 
-  // Makes "-" a port of the protocol's link that reads standard input.
+  // Makes "-" a port of the protocol's link that reads standard input, and the path of a file a port that reads it.
   void resolve_port();
 };
 
