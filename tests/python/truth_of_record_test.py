@@ -111,6 +111,33 @@ class TruthOfRecord(RunTest):
         self.assertEqual(by_record["gyro"].tobytes(), runs["gyro"][0].tobytes())
         self.assertNotEqual(by_record["gyro"].tobytes(), runs["gyro"][1].tobytes())
 
+    def test_a_fault_that_a_client_began_does_not_shift_the_truth_of_seeds(self):
+        """Of an imu whose clock wanders, so that each seed has its own instants."""
+        config, record, socket = (self.folder / name for name in ("imu.toml", "run.pcapng", "socket"))
+        config.write_text(CONFIG.format(clock="realtime", folder=self.folder, keys="") +
+                          "clock.phase_random_walk_ns_per_rt_s = 50000\n"
+                          f"[control]\nsocket = '{socket}'\nfaults = true\n")
+        with subprocess.Popen([PROGRAMS / "imud", "run", config, "--record", record], stdout=subprocess.PIPE,
+                              stderr=subprocess.PIPE, text=True) as imud:
+            ready = next(line for line in imud.stderr if " ready, truth.port is " in line)
+            with subprocess.Popen([PROGRAMS / "imu-truth", "coning", "--frequency-hz", "1", "--half-angle-rad", "0.1", "--to",
+                                   ready.split()[-1], "--rate", "100", "--for", "3"], stdout=subprocess.DEVNULL) as truth:
+                next(line for line in imud.stderr if "truth.delay_ms is" in line)  # it samples
+                run("imud", "ctl", "--socket", socket, "fault.begin", "imu=b", "target=message", "kind=missing", "each=0.5",
+                    "for_s=0.5")
+                self.assertEqual(truth.wait(), 0)
+            imud.terminate()
+            imud.communicate()
+        run("imud", "replay", record, record, "--seeds", "3..4", "--npy", self.folder / "{imu}.npy", "-q")
+        measured, true = (numpy.load(self.folder / f"b{name}.npy") for name in ("", "_truth"))
+        self.assertEqual(measured.shape, true.shape)
+        for seed in range(2):
+            known = measured[seed]["fields"] != 0
+            error = abs(measured[seed]["gyro"] - true[seed]["true_gyro"]).max(axis=-1)[known]
+            is_right, is_unknown = error < 1e-9, numpy.isnan(error)
+            self.assertGreater(is_right.sum(), 400)  # of 750, of which some 60 are missing, some before the truth
+            self.assertLess((~is_right & ~is_unknown).sum(), 0.05 * is_right.sum(), error)
+
     def test_in_real_time_it_is_the_truth_of_the_instant(self):
         # A rate that changes, so that an extrapolated one is wrong.
         self.record("realtime", "--jitter", "15", "--drop", "30", "--frequency-hz", "1", "--half-angle-rad", "0.1",
