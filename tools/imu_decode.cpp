@@ -1,6 +1,5 @@
 // imu-decode: decodes any protocol from any port, and reports the quality of the stream.
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
@@ -22,6 +21,7 @@
 #include "tools/arrays/measurement_files.hpp"
 #include "tools/field_csv.hpp"
 #include "tools/find/find_check.hpp"
+#include "tools/input/imu_choice.hpp"
 #include "tools/input/measurement_input.hpp"
 #include "tools/number_check.hpp"
 #include "tools/program.hpp"
@@ -110,12 +110,7 @@ ImuConfig imu_like(const std::string& file, const std::string& name, FilesInUse&
   const Config config = load_config(file, {}, "-");  // any capture: the truth is not read
   for (const std::string& warning : config.warnings) fmt::print(stderr, "imu-decode: {}\n", warning);
   in_use = config.files;
-  std::vector<std::string> names;
-  for (const ImuConfig& imu : config.imus) {
-    if (name.empty() || imu.name == name) return imu;
-    names.push_back(imu.name);
-  }
-  throw std::invalid_argument(fmt::format("{}: has no imu {}; there are {}", file, name, fmt::join(names, ", ")));
+  return config.imus[imu_number(file, config.imus, name)];
 }
 
 // `like`: the settings of the imu of --like; nullopt: the initial ones. `in_use`: the files of its configuration.
@@ -144,7 +139,6 @@ int decode(const Options& options, const std::optional<Settings>& like, FilesInU
   std::optional<FieldCsv> fields;
   if (options.fields) fields.emplace(*field_decoder, csv);
   add_input_files(options.input, in_use);
-  in_use.add(options.like, "the file of --like");
   if (const std::string fault = in_use.claim(options.json_path, "the file of --json"); !fault.empty())
     throw std::runtime_error(fault);
   MeasurementFiles files(options.files, protocol, options.input.port, in_use);
@@ -214,7 +208,6 @@ int execute(int argc, char** argv, bool& running) {
     if (!options.like.empty()) {
       if (!options.input.port.empty()) throw CLI::ExcludesError("--like", "PROTOCOL");
       std::swap(options.input.protocol, options.input.port);
-      options.files.imu_has_other_use = true;
     } else if (options.input.protocol.empty()) {
       throw CLI::RequiredError("PROTOCOL");
     }
@@ -251,6 +244,8 @@ int execute(int argc, char** argv, bool& running) {
 
   catch_stop_signals();
   if (!find.capture.empty()) return find_check(find, options.input.for_s, options.files.rate_hz.value_or(0), running);
+  if (!options.files.imu.empty() && options.files.truth.empty() && options.like.empty())
+    throw std::invalid_argument("--imu: is for --truth and --like, of which none is given");
   std::optional<Settings> like;
   FilesInUse in_use;
   if (!options.like.empty()) {

@@ -121,11 +121,7 @@ namespace {
 constexpr std::size_t per_axis = NormalBatch::samples / 2, counters = 3 * per_axis;
 using Deviates = NormalBatch::Deviates;
 
-struct BatchId {
-  Philox::key_type key;
-  std::uint64_t first;  // counter
-  std::uint32_t purpose, stream;
-};
+Philox::key_type key_of(std::uint64_t seed) noexcept { return {{low(seed), high(seed)}}; }
 
 // Turns uniform deviates into normal deviates. The first loop does the same for each deviate, so that a compiler can
 // compute several at once.
@@ -153,11 +149,12 @@ struct BatchId {
   }
 }
 
-void compute_batch(const BatchId& id, Deviates& deviates) noexcept {
+void compute_batch(const NormalBatch& batch, Deviates& deviates) noexcept {
   for (std::uint32_t i = 0; i < counters; ++i) {
-    const std::uint64_t counter = id.first + i % per_axis;
+    const std::uint64_t counter = batch.number * per_axis + i % per_axis;
     const std::uint32_t axis = i / per_axis;
-    const auto words = Philox{}({{low(counter), high(counter), id.purpose | axis, id.stream}}, id.key);
+    const auto words =
+        Philox{}({{low(counter), high(counter), batch.purpose | axis, batch.stream}}, key_of(batch.seed));
     deviates[2 * i] = uniform_of_words(words[0], words[1]);
     deviates[2 * i + 1] = uniform_of_words(words[2], words[3]);
   }
@@ -193,13 +190,14 @@ struct Counters {
   }
 }
 
-[[gnu::target("avx2")]] void compute_batch_avx2(const BatchId& id, Deviates& deviates) noexcept {
+[[gnu::target("avx2")]] void compute_batch_avx2(const NormalBatch& batch, Deviates& deviates) noexcept {
   static_assert(per_axis % 4 == 0);
   for (std::uint32_t i = 0; i < counters; i += 4) {
-    const std::uint64_t counter = id.first + i % per_axis;  // a multiple of 4: no carry within the four
+    // A multiple of 4: no carry within the four.
+    const std::uint64_t counter = batch.number * per_axis + i % per_axis;
     Counters c = {_mm256_add_epi64(all(low(counter)), _mm256_set_epi64x(3, 2, 1, 0)), all(high(counter)),
-                  all(id.purpose | i / static_cast<std::uint32_t>(per_axis)), all(id.stream)};
-    apply_philox(id.key, c);
+                  all(batch.purpose | i / static_cast<std::uint32_t>(per_axis)), all(batch.stream)};
+    apply_philox(key_of(batch.seed), c);
     const __m256d even = uniform_of_words(c.word0, c.word1), odd = uniform_of_words(c.word2, c.word3);
     const __m256d low_pairs = _mm256_unpacklo_pd(even, odd), high_pairs = _mm256_unpackhi_pd(even, odd);
     _mm256_storeu_pd(&deviates[2 * i], _mm256_permute2f128_pd(low_pairs, high_pairs, 0x20));
@@ -219,11 +217,11 @@ struct Counters {
   x = std::bit_cast<std::array<double, 4>>(normal);
 }
 
-// The three axes of sample k.
-[[gnu::target("avx2")]] Vector3 compute_one_avx2(const BatchId& id, std::uint64_t k) noexcept {
-  const __m256i axes = _mm256_or_si256(all(id.purpose), _mm256_set_epi64x(2, 2, 1, 0));
-  Counters c = {all(low(k / 2)), all(high(k / 2)), axes, all(id.stream)};
-  apply_philox(id.key, c);
+// The three axes of sample k of the batch's stream.
+[[gnu::target("avx2")]] Vector3 compute_one_avx2(const NormalBatch& batch, std::uint64_t k) noexcept {
+  const __m256i axes = _mm256_or_si256(all(batch.purpose), _mm256_set_epi64x(2, 2, 1, 0));
+  Counters c = {all(low(k / 2)), all(high(k / 2)), axes, all(batch.stream)};
+  apply_philox(key_of(batch.seed), c);
   std::array<double, 4> deviates;
   _mm256_storeu_pd(deviates.data(),
                    k % 2 == 0 ? uniform_of_words(c.word0, c.word1) : uniform_of_words(c.word2, c.word3));
@@ -238,7 +236,7 @@ Vector3 Normals::operator()(Quantity quantity, Process process, std::uint64_t k)
 #if defined(__x86_64__)
   if (__builtin_cpu_supports("avx2"))
     return compute_one_avx2(
-        {.key = {{low(seed_), high(seed_)}}, .first = 0, .purpose = purpose(quantity, process), .stream = stream_},
+        {.seed = seed_, .stream = stream_, .purpose = purpose(quantity, process), .number = k / NormalBatch::samples},
         k);
 #endif
   Vector3 n;
@@ -248,12 +246,10 @@ Vector3 Normals::operator()(Quantity quantity, Process process, std::uint64_t k)
 }
 
 void NormalBatch::compute(Deviates& deviates) const noexcept {
-  const BatchId id = {
-      .key = {{low(seed), high(seed)}}, .first = number * per_axis, .purpose = purpose, .stream = stream};
 #if defined(__x86_64__)
-  if (__builtin_cpu_supports("avx2")) return compute_batch_avx2(id, deviates);
+  if (__builtin_cpu_supports("avx2")) return compute_batch_avx2(*this, deviates);
 #endif
-  compute_batch(id, deviates);
+  compute_batch(*this, deviates);
 }
 
 void NormalSequence::compute(const Normals& normals, std::uint64_t number) noexcept {

@@ -1,5 +1,5 @@
-// imu-decode --like: the protocol and its settings are those of an imu of a configuration; and a file without a
-// scheme.
+// With --like, imu-decode takes the protocol and its settings from an imu of a configuration. A path without a scheme
+// is a file.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
@@ -43,7 +43,6 @@ TEST_F(ImuDecodeLikeTest, DecodesWhatTheImuSends) {
   const ProgramResult second = run_program("imu-decode", {"--like", file, "--imu", "b", b});
   EXPECT_EQ(second.output, run_program("imu-decode", {"native-can", "canfile:" + b, "--set", "can_id=0x321"}).output);
   EXPECT_TRUE(contains(second.errors, "samples    101 in")) << second.errors;
-  EXPECT_EQ(run_program("imu-decode", {"--like", file, "--imu", "b", b, "--set", "can_id=0x322", "-"}).exit_code, 2);
   const ProgramResult other = run_program("imu-decode", {"--like", file, "--imu", "b", b, "--set", "can_id=0x322"});
   EXPECT_EQ(other.exit_code, 1) << other.errors;
 }
@@ -55,14 +54,15 @@ TEST_F(ImuDecodeLikeTest, NamesWhatIsWrong) {
     EXPECT_EQ(result.exit_code, 2) << result.errors;
     return result.errors;
   };
-  EXPECT_TRUE(contains(errors({"--like", file, "--imu", "c", a}), "has no imu c; there are a, b"));
+  EXPECT_TRUE(
+      contains(errors({"--like", file, "--imu", "c", a}), "has no imu c; there are a (native), b (native-can)"));
   EXPECT_TRUE(contains(errors({"--like", file, "native", a}), "--like excludes PROTOCOL"));
   EXPECT_TRUE(contains(errors({"--like", file}), "PORT is required"));
   EXPECT_TRUE(contains(errors({"--like", folder_ / "none.toml", a}), "none.toml"));
   EXPECT_TRUE(contains(errors({"--like", file, a, "--json", file}), file + ": is "));
 }
 
-// The format of a file without a scheme is that of its content or, for a CAN protocol, a log.
+// The content of a file tells its format; a CAN protocol has a log.
 TEST_F(ImuDecodeLikeTest, AFileNeedsNoScheme) {
   config();
   const std::string a = folder_ / "a.bin", b = folder_ / "b.log", renamed = folder_ / "b.txt";

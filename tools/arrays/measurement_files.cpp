@@ -74,8 +74,6 @@ void check(const MeasurementFiles::Options& options, FilesInUse& in_use) {
     throw std::invalid_argument(fmt::format("--truth: is for {}, of which none is given", list_options(is_any)));
   if (!options.truth.empty() && !options.config.empty())
     throw std::invalid_argument("--config: that of --truth becomes the attribute; omit it");
-  if (options.truth.empty() && !options.imu.empty() && !options.imu_has_other_use)
-    throw std::invalid_argument("--imu: is for --truth and --like, of which none is given");
   if (options.truth.size() == 1 && record_transport_of(options.truth.front()) == nullptr)
     throw std::invalid_argument(options.truth.front() +
                                 ": is no record of imud; --truth needs one, or a configuration and its capture");

@@ -23,7 +23,6 @@ class MeasurementFiles {
     std::optional<double> rate_hz;   // of measurements without time, for files that need one
     std::vector<std::string> truth;  // record, or configuration and capture; empty: no truth beside the measurements
     std::string imu;                 // imu of the configuration; empty: the first with the protocol
-    bool imu_has_other_use = false;  // `imu` may be given without `truth`
   };
   // `options` must not be moved until the command line has been parsed.
   static void add_options(CLI::App& app, Options& options);

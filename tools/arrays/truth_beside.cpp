@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "emulator/config/load_config.hpp"
+#include "tools/input/imu_choice.hpp"
 #include "tools/replay/replay.hpp"
 
 namespace imud {
@@ -17,24 +18,12 @@ namespace {
 
 constexpr std::size_t most_skipped = 65536;
 
-// Returns the number of the imu that is wanted.
-std::size_t imu_number(const TruthBeside::Options& options, const std::vector<ImuConfig>& imus,
-                       const Protocol& protocol) {
-  std::string known;
-  for (std::size_t i = 0; i < imus.size(); ++i) {
-    if (imus[i].protocol == &protocol && (options.imu.empty() || options.imu == imus[i].name)) return i;
-    known += fmt::format("{}{} ({})", known.empty() ? "" : ", ", imus[i].name, imus[i].protocol->name);
-  }
-  throw std::invalid_argument(fmt::format("{}: has no imu{} with the protocol {}; there are {}", options.config,
-                                          options.imu.empty() ? "" : " " + options.imu, protocol.name, known));
-}
-
 }  // namespace
 
 TruthBeside::TruthBeside(const Options& options, const Protocol& protocol) : options_(options) {
   config_ = load_config(options.config, std::array<std::string, 3>{"truth.port=" + capture_port(options.capture),
                                                                    "clock=fast", "imu.*.pace=none"});
-  const std::size_t imu = imu_number(options, config_.imus, protocol);
+  const std::size_t imu = imu_number(options.config, config_.imus, options.imu, &protocol);
   const std::string& name = config_.imus[imu].name;
   Replay replay(options.config, {}, options.capture);
   const Config& config = replay.config();

@@ -1,4 +1,4 @@
-// A run that cannot begin changes neither the results of the run before, nor those of a run in progress.
+// A run that cannot begin leaves the results of the run before and of a run in progress as they are.
 #include <netinet/in.h>
 
 #include <array>
