@@ -44,7 +44,7 @@ FLOORS = {
                    "can/ file/ socket/ uart/", "capture/", ""],
     "emulator": ["ground/", "campaign/shards/ plan/", "faults/ frames/", "config/", "truth/", "imu/", "engine/", "record/", "drive/", "report/ programs/", "control/",
                  "web/", "run/", "seeds/", "campaign/cases/ campaign/slurm/ campaign/status/", "campaign/", "init/ watch/", "rack/", "commands/", ""],
-    "tools": ["*_client.hpp duration_text.* gnuplot.* number_check.hpp output_options.hpp program.* "
+    "tools": ["*_client.hpp duration_text.* gnuplot.* output_options.hpp program.* "
               "setting_texts.hpp stop_signal.* stream_*.* text_output.*", "input/ replay/ vcan/ checks/", "arrays/ find/", "truth/", "allan/",
               "plot/ fit/ campaign/", ""],
 }

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "emulator/ground/progress_line.hpp"
+#include "emulator/plan/number_check.hpp"
 #include "tools/campaign/campaign_arrays.hpp"
 #include "tools/campaign/campaign_plot.hpp"
 #include "tools/campaign/campaign_report.hpp"
@@ -16,7 +17,6 @@
 #include "tools/campaign/case_statistics.hpp"
 #include "tools/campaign/case_table.hpp"
 #include "tools/gnuplot.hpp"
-#include "tools/number_check.hpp"
 #include "tools/output_options.hpp"
 #include "tools/program.hpp"
 #include "tools/text_output.hpp"

@@ -16,6 +16,7 @@
 
 #include "emulator/config/load_config.hpp"
 #include "emulator/ground/progress_line.hpp"
+#include "emulator/plan/number_check.hpp"
 #include "protocols/measurements/measurement_csv.hpp"
 #include "protocols/protocol.hpp"
 #include "tools/arrays/measurement_files.hpp"
@@ -23,7 +24,6 @@
 #include "tools/find/find_check.hpp"
 #include "tools/input/imu_choice.hpp"
 #include "tools/input/measurement_input.hpp"
-#include "tools/number_check.hpp"
 #include "tools/program.hpp"
 #include "tools/setting_texts.hpp"
 #include "tools/stop_signal.hpp"

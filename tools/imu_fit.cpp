@@ -8,11 +8,11 @@
 #include <stdexcept>
 #include <string>
 
+#include "emulator/plan/number_check.hpp"
 #include "tools/allan/model_terms.hpp"
 #include "tools/allan/recorded_input.hpp"
 #include "tools/fit/dwell_means.hpp"
 #include "tools/fit/fit_report.hpp"
-#include "tools/number_check.hpp"
 #include "tools/output_options.hpp"
 #include "tools/program.hpp"
 #include "tools/text_output.hpp"

@@ -12,8 +12,8 @@
 
 #include "core/units.hpp"
 #include "emulator/ground/progress_line.hpp"
+#include "emulator/plan/number_check.hpp"
 #include "tools/gnuplot.hpp"
-#include "tools/number_check.hpp"
 #include "tools/plot/emulated_run.hpp"
 #include "tools/plot/run_errors.hpp"
 #include "tools/plot/run_plot.hpp"

@@ -13,8 +13,8 @@
 #include <vector>
 
 #include "emulator/ground/progress_line.hpp"
+#include "emulator/plan/number_check.hpp"
 #include "tools/duration_text.hpp"
-#include "tools/number_check.hpp"
 #include "tools/program.hpp"
 #include "tools/stop_signal.hpp"
 #include "tools/text_output.hpp"

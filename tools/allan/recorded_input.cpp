@@ -8,8 +8,8 @@
 #include <fstream>
 #include <stdexcept>
 
+#include "emulator/plan/number_check.hpp"
 #include "protocols/measurements/npy_file.hpp"
-#include "tools/number_check.hpp"
 #include "tools/program.hpp"
 #include "tools/setting_texts.hpp"
 #include "transports/port.hpp"

@@ -9,7 +9,7 @@
 #include <stdexcept>
 
 #include "emulator/config/load_config.hpp"
-#include "tools/number_check.hpp"
+#include "emulator/plan/number_check.hpp"
 #include "tools/program.hpp"
 #include "transports/file/output_path.hpp"
 #include "transports/host_clock.hpp"
