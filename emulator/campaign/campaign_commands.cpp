@@ -15,6 +15,7 @@
 #include "emulator/campaign/status/campaign_page.hpp"
 #include "emulator/campaign/status/campaign_status.hpp"
 #include "emulator/ground/text_file.hpp"
+#include "emulator/plan/number_check.hpp"
 
 namespace imud {
 namespace {
@@ -62,7 +63,7 @@ void CampaignCommands::add_bisect(CLI::App& campaign) {
       ->add_option("--tolerance", bisect_options_.tolerance,
                    "Distance to come down to, in the unit of the axis (a thousandth of the plan's values' distance)")
       ->type_name("X")
-      ->check(CLI::PositiveNumber);
+      ->check(number_check(1e-300, 1e300));
   bisect->add_option("--jobs", bisect_options_.jobs, "Processes (the processors)")
       ->type_name("N")
       ->check(CLI::Range(1, 1024));

@@ -29,6 +29,7 @@
 #include "emulator/init/example.hpp"
 #include "emulator/init/init.hpp"
 #include "emulator/plan/config.hpp"
+#include "emulator/plan/number_check.hpp"
 #include "emulator/rack/rack_commands.hpp"
 #include "emulator/report/log.hpp"
 #include "emulator/run/run.hpp"
@@ -156,11 +157,7 @@ int execute(int argc, const char* const* argv) {
   const auto with_run = [&](CLI::App* command, bool is_found) {
     with_config(command, is_found);
     add(*command, "--for", arguments.run.duration_s, "SECONDS", "End after this many seconds")
-        ->check([](const std::string& text) {
-          double value = 0;
-          const bool good = CLI::detail::lexical_cast(text, value) && value >= 1e-3 && value <= 1e9;
-          return good ? std::string() : "give seconds from 0.001 to 1e9";
-        });
+        ->check(number_check(1e-3, 1e9));
     with_output(command, "--summary", arguments.run.summary_file, "Also write the closing summary as JSON");
     with_require(command);
     with_scenario(command);
@@ -169,7 +166,7 @@ int execute(int argc, const char* const* argv) {
     with_output(command, "--junit", arguments.run.junit_file, "Write whether each [[expect]] holds as JUnit XML");
     add(*command, "--log-every", arguments.run.monitor.log_every_s, "SECONDS",
         "Interval of the figures in the log; 0: none (10)")
-        ->check(CLI::Range(0.0, 1e9));
+        ->check(number_check(0, 1e9));
     with_output(command, "--quality", arguments.run.monitor.quality_file,
                 "Write the figures each second as a line of JSON");
     add(*command, "--ready-fd", arguments.run.ready_fd, "N",
@@ -253,7 +250,7 @@ int execute(int argc, const char* const* argv) {
                                "Configuration, TOML; without it one imu at 1 kHz to a pty");
   with_set(selftest_command);
   add(*selftest_command, "--for", measure_s, "SECONDS", "Duration of each measurement (2)")
-      ->check(CLI::Range(0.1, 3600.0));
+      ->check(number_check(0.1, 3600));
   auto* list_command = app.add_subcommand("list",
                                           "Show protocols, truth formats, transports and presets, or what NAME has; "
                                           "faults: kinds of faults; checks: checks of frames");

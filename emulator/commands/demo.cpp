@@ -31,6 +31,7 @@
 #include "core/units.hpp"
 #include "emulator/ground/text_file.hpp"
 #include "emulator/init/data_folders.hpp"
+#include "emulator/plan/number_check.hpp"
 #include "transports/file_descriptor.hpp"
 #include "transports/port.hpp"
 
@@ -174,7 +175,7 @@ const CLI::App* add_demo_command(CLI::App& app, DemoOptions& options) {
       "demo", "Show a captured flight of a Cessna 172 becoming IMU packets on a pty, with a decoder beside it");
   command->add_option("--for", options.duration_s, "End after this many seconds (the whole flight, 10)")
       ->type_name("SECONDS")
-      ->check(CLI::Range(0.1, 1e9));
+      ->check(number_check(0.1, 1e9));
   return command;
 }
 

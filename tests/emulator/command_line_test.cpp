@@ -34,6 +34,24 @@ TEST(CommandLine, AnUnknownCommandIsNamedWithTheNearest) {
   EXPECT_TRUE(contains(none.errors, "unknown command \"imu.toml\"; there are run, replay, check")) << none.errors;
 }
 
+TEST(CommandLine, ANumberOfAnOptionIsRefusedWithItsLimits) {
+  const std::tuple<std::vector<std::string>, std::string> options[] = {
+      {{"run", "--for"}, "from 0.001 to 1000000000"},
+      {{"run", "--log-every"}, "from 0 to 1000000000"},
+      {{"selftest", "--for"}, "from 0.1 to 3600"},
+      {{"demo", "--for"}, "from 0.1 to 1000000000"},
+      {{"campaign", "bisect", "plan.toml", "--axis", "a", "--tolerance"}, "from 1e-300 to 1e+300"}};
+  for (const auto& [option, limits] : options)
+    for (const std::string number : {"nan", "-1", "inf"}) {
+      std::vector<std::string> words = option;
+      words.push_back(number);
+      const auto result = run_program("imud", words);
+      EXPECT_EQ(result.exit_code, 2) << option.back() << number;
+      EXPECT_TRUE(contains(result.errors, fmt::format("{}: right would be a number {}\n", number, limits)))
+          << result.errors;
+    }
+}
+
 TEST(CommandLine, AnUnknownOptionIsNamedWithTheNearest) {
   const std::tuple<std::vector<std::string>, std::string> words[] = {
       {{"--bogus"}, "imud: unknown option --bogus; imud --help shows all\n"},
