@@ -46,8 +46,11 @@ class SeedArrays {
 
   // Returns true if the run of that seed is in all arrays already.
   bool is_done(std::uint64_t seed_index) const noexcept;
-  // Records that the array of that imu has the run of that seed.
-  void mark(std::size_t imu, std::uint64_t seed_index) noexcept { imus_[imu].measured->mark(seed_index); }
+  // Records that the arrays of that imu have the run of that seed.
+  void mark(std::size_t imu, std::uint64_t seed_index) noexcept {
+    if (imus_[imu].varies()) imus_[imu].truth->mark(seed_index);
+    imus_[imu].measured->mark(seed_index);
+  }
   // Ends the arrays, which replace the old ones. Throws std::runtime_error.
   void commit();
   // Leaves the arrays incomplete, if they can be completed. Returns the name of one of them; empty if none is left.

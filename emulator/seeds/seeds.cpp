@@ -83,9 +83,10 @@ class Runs {
   // Called when the item is done and the arrays have its rows.
   void mark(std::size_t item) noexcept {
     const SeedRange seeds = seeds_of(item);
-    for (std::uint64_t seed = seeds.first; arrays_ && seed <= seeds.last; ++seed)
+    const std::uint64_t before = seeds.first - seeds_.first;
+    for (std::uint64_t i = 0; arrays_ && i < seeds.size(); ++i)
       for (std::size_t imu = 0; imu < config_.imus.size(); ++imu)
-        if (parts_ == 1 || imu == item % parts_) arrays_->mark(imu, seed - seeds_.first);
+        if (parts_ == 1 || imu == item % parts_) arrays_->mark(imu, before + i);
   }
   void commit() {
     if (arrays_) arrays_->commit();
@@ -315,8 +316,9 @@ int replay_seeds(const Config& config, const RunOptions& options, const SeedsOpt
                             .work = [&](std::size_t item) { return runs.work(item); },
                             .take =
                                 [&](std::size_t item, const std::string& text) {
+                                  if (!results.add(text)) return;
                                   done += runs.runs_of(item);
-                                  if (results.add(text)) runs.mark(item);
+                                  runs.mark(item);
                                 },
                             .tick = [&] { progress.show(done, runs.runs(), "runs"); }},
                            runs.items());

@@ -125,6 +125,39 @@ class ArrayFiles(RunTest):
             _, errors = run("imud", "replay", config, FLIGHT, "--npy", path, exit_code=2)
             self.assertIn("an array cannot go to a stream; give a file", errors)
 
+    def end_when_three_are_done(self, program, part, ended_by, are_done):
+        done, end = 0, time.monotonic() + 120
+        while time.monotonic() < end and program.poll() is None and done < 3:
+            time.sleep(0.01)
+            if part.exists():
+                try:
+                    done = are_done(numpy.load(part, mmap_mode="r")[:, -1]).sum()
+                except (ValueError, EOFError):
+                    pass
+        program.send_signal(ended_by)
+        return program.communicate(timeout=120)
+
+    def test_truth_of_each_seed_is_completed_as_well(self):
+        self.arrays("protocol = 'stim300'\nclock.frequency_random_walk_ppm_per_rt_hr = 50\n", "")
+        measured, truth = self.folder / "x.npy", self.folder / "x_truth.npy"
+        # The last of all seeds is among them.
+        command = [PROGRAMS / "imud", "replay", self.folder / "imu.toml", FLIGHT, "--npy", measured, "--jobs", "2",
+                   "--seeds", f"{2**64 - 40}..{2**64 - 1}", "--set", "imu.a.model=stim300"]
+        subprocess.run(command, check=True, capture_output=True, timeout=120)
+        whole = [path.read_bytes() for path in (measured, truth)]
+        program = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, stdout=subprocess.DEVNULL)
+        # Where the clock wanders, the last row of a run is spare.
+        _, errors = self.end_when_three_are_done(program, self.folder / "x.npy.incomplete", signal.SIGTERM,
+                                                 lambda rows: numpy.isnat(rows["time_ns"].view("M8[ns]")))
+        self.assertEqual(program.returncode, 3, errors)
+        array = numpy.load(self.folder / "x.npy.incomplete", mmap_mode="r")
+        done = (array["fields"][:, 0] != 0).sum()
+        del array
+        self.assertTrue(0 < done < 40, done)
+        self.assertIn(f"a signal ended it after {done} of 40 runs", errors)
+        subprocess.run(command, check=True, capture_output=True, timeout=120)
+        self.assertEqual([path.read_bytes() for path in (measured, truth)], whole)
+
     def test_an_array_that_a_signal_ends_is_completed_by_the_same_command(self):
         measured, _ = self.arrays("protocol = 'stim300'\n", fault("gyro.bias", OF_SENSORS["gyro.bias"]))
         config, part = self.folder / "imu.toml", self.folder / "x.npy.incomplete"
@@ -134,16 +167,7 @@ class ArrayFiles(RunTest):
         for ended_by in signal.SIGTERM, signal.SIGKILL:
             program = subprocess.Popen([PROGRAMS / "imud", *map(str, command)], stderr=subprocess.PIPE, text=True,
                                        stdout=subprocess.DEVNULL, start_new_session=True)
-            done, end = 0, time.monotonic() + 120
-            while time.monotonic() < end and program.poll() is None and done < 3:
-                time.sleep(0.01)
-                if part.exists():
-                    try:
-                        done = (numpy.load(part, mmap_mode="r")["fields"][:, -1] != 0).sum()
-                    except (ValueError, EOFError):
-                        pass
-            program.send_signal(ended_by)
-            _, errors = program.communicate(timeout=120)
+            _, errors = self.end_when_three_are_done(program, part, ended_by, lambda rows: rows["fields"] != 0)
             self.assertEqual(program.returncode, 3 if ended_by == signal.SIGTERM else -signal.SIGKILL, errors)
             self.assertEqual((self.folder / "x.npy").read_bytes(), before)
             array = numpy.load(part, mmap_mode="r")
