@@ -60,9 +60,8 @@ void add_never_begun(std::span<const FaultConfig> faults, std::vector<FaultLabel
   for (const FaultConfig& fault : faults)
     for (const std::string& imu : fault.imus) {
       const auto end = labels.begin() + static_cast<std::ptrdiff_t>(count);
-      const bool has_one = std::any_of(labels.begin(), end, [&](const FaultLabel& label) {
-        return label.fault->name == fault.name && label.imu == imu;
-      });
+      const bool has_one = std::any_of(
+          labels.begin(), end, [&](const FaultLabel& label) { return label.fault == &fault && label.imu == imu; });
       if (!has_one) labels.push_back({&fault, imu, {}, {}, true, FaultLabel::State::never});
     }
 }

@@ -6,9 +6,12 @@
 #include <algorithm>
 #include <fstream>
 #include <iterator>
+#include <span>
+#include <vector>
 
 #include "emulator/config/load_config.hpp"
 #include "emulator/faults/fault_kinds.hpp"
+#include "emulator/faults/fault_labels.hpp"
 #include "emulator/report/outcome.hpp"
 #include "tests/emulator/faults/faulty_run.hpp"
 #include "tests/support/text.hpp"
@@ -236,6 +239,19 @@ TEST(FaultReadme, HasEveryKind) {
     for (const FaultParameter& parameter : kind->parameters)
       EXPECT_TRUE(contains(text, fmt::format("`{}`", parameter.key))) << parameter.key;
   }
+}
+
+// A client may begin faults of the same name, or this one again.
+TEST(FaultLabels, AFaultThatHasNotBegunIsNamedBesideAnotherOfItsName) {
+  FaultConfig configured, of_client;
+  configured.name = of_client.name = "f";
+  configured.imus = {"a", "b"};
+  std::vector<FaultLabel> labels = {{&of_client, "a", {}, {}}, {&configured, "b", {}, {}}};
+  add_never_begun(std::span(&configured, 1), labels);
+  ASSERT_EQ(labels.size(), 3U);
+  EXPECT_EQ(labels[2].fault, &configured);
+  EXPECT_EQ(labels[2].imu, "a");
+  EXPECT_EQ(labels[2].state, FaultLabel::State::never);
 }
 
 }  // namespace
