@@ -95,8 +95,8 @@ std::size_t PlaceWatch::describe_no_place(const Truth& truth, const TruthFormat&
         "{}{}receivers have no fix; give earth.frame = \"local\" with latitude_deg and longitude_deg, or "
         "\"inertial\"; \"none\" if that is meant",
         and_field, and_pressure);
-  return write_remark(room, "has no {}{}{}, so there is no place: {}{}receivers have no fix; add them", position,
-                      position.empty() || velocity.empty() ? "" : " and no ", velocity, and_field, and_pressure);
+  return write_remark(room, "lacks {}{}{}, so there is no place: {}{}receivers have no fix; add them", position,
+                      position.empty() || velocity.empty() ? "" : " and ", velocity, and_field, and_pressure);
 }
 
 std::size_t PlaceWatch::describe_date(const Truth& truth, std::span<char> room) const noexcept {

@@ -40,12 +40,12 @@ class NoPlaceTest(unittest.TestCase):
     def test_a_velocity_is_missing(self):
         log, remarks = self.replayed({**ATTITUDE, **POSITION, **FORCE})
         self.assertEqual((len(log), len(remarks)), (1, 1))
-        self.assertIn("has no velocities/eci-x-fps, eci-y-fps, eci-z-fps" + FIELD, log[0])
-        self.assertTrue(remarks[0].startswith("has no velocities/eci-x-fps, eci-y-fps, eci-z-fps" + FIELD), remarks)
+        self.assertIn("lacks velocities/eci-x-fps, eci-y-fps, eci-z-fps" + FIELD, log[0])
+        self.assertTrue(remarks[0].startswith("lacks velocities/eci-x-fps, eci-y-fps, eci-z-fps" + FIELD), remarks)
 
     def test_a_position_or_both_are_missing(self):
-        self.assertIn("has no position/eci-x-ft, eci-y-ft, eci-z-ft" + FIELD, self.replayed({**ATTITUDE, **VELOCITY, **FORCE})[1][0])
-        self.assertIn("eci-z-ft and no velocities/eci-x-fps", self.replayed({**ATTITUDE, **FORCE})[1][0])
+        self.assertIn("lacks position/eci-x-ft, eci-y-ft, eci-z-ft" + FIELD, self.replayed({**ATTITUDE, **VELOCITY, **FORCE})[1][0])
+        self.assertIn("eci-z-ft and velocities/eci-x-fps", self.replayed({**ATTITUDE, **FORCE})[1][0])
 
     def test_nothing_is_missing(self):
         self.assertEqual(self.replayed({**ATTITUDE, **POSITION, **VELOCITY, **FORCE}), ([], []))
