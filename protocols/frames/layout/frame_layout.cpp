@@ -200,6 +200,7 @@ std::optional<FrameLayout::Decoded> FrameLayout::decode(std::span<const std::byt
                                                         ReadBack& read) const noexcept {
   Decoded decoded;
   Measurement& measurement = read.measurement;
+  bool has_pattern = false;  // in place of the inertial quantities
   for (std::size_t i = 0; i < fields_.size(); ++i) {
     const Field& field = fields_[i];
     const std::uint64_t bits =
@@ -213,6 +214,8 @@ std::optional<FrameLayout::Decoded> FrameLayout::decode(std::span<const std::byt
       continue;
     }
     if (field.source == Source::status) {
+      if (field.status_bits == FrameSource::starting && pattern_ != std::byte{0})
+        has_pattern |= (bits != 0) != field.is_inverse;
       // A field that stands for several bits of the status is not read back.
       const std::uint32_t status_bits = field.status_bits & ~FrameSource::starting;
       if (!std::has_single_bit(status_bits)) continue;
@@ -249,6 +252,10 @@ std::optional<FrameLayout::Decoded> FrameLayout::decode(std::span<const std::byt
     } else if (field.quantity->set != nullptr && field.modulus == 0) {
       field.quantity->set(value, read);
     }
+  }
+  if (has_pattern) {
+    measurement.sample.status |= status::not_valid;
+    measurement.fields |= Measurement::status;
   }
   return decoded;
 }

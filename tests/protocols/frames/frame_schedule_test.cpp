@@ -177,6 +177,21 @@ TEST(FrameSchedule, ADeviceStartsUp) {
     EXPECT_EQ(bytes_of(line, at(since + 400)), good);
   };
   starts_up(0);
+  // By a bit of the start alone as well.
+  for (const auto& [bit, starting, started] : {std::tuple("0=starting", "01", "00"), {"7=!starting", "00", "80"}}) {
+    Line reader =
+        frame_line("start = {silent_s = 0.3, until_s = 0.4, pattern = 0x55}\n" +
+                   one_message("A5\nrate_x_deg_per_s:i16*0.01\ntemperature_c:i8\nbits:u8:" + std::string(bit)));
+    Recording recording;
+    for (const std::string end : {starting, started, starting}) {
+      const auto bytes = hex_bytes("A5 55 55 14 " + end);
+      reader.decoder->feed({bytes}, recording);
+    }
+    reader.decoder->finish(recording);
+    ASSERT_EQ(recording.measurements.size(), 3U) << bit;
+    for (std::size_t i = 0; i < 3; ++i)
+      EXPECT_EQ((recording.measurements[i].sample.status & status::not_valid) != 0, i != 1) << bit << i;
+  }
   line.device->power_on({5'000'000'000});
   starts_up(5000);
   line.device->power_on({9'000'000'000});
