@@ -18,7 +18,8 @@ struct Requirement {
   double limit = 0;      // in the figure's unit, or percent
   bool percent = false;  // of the whole that belongs to the figure
 
-  // Returns true if `value` keeps the limit. `whole` is 100 %. If `whole` is 0, every value counts as 0 %.
+  // Returns true if `value` keeps the limit. For a limit in percent `whole` is 100 %; if it is 0, every value counts
+  // as 0 %.
   bool holds(double value, double whole) const noexcept;
 };
 

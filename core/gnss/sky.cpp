@@ -63,7 +63,7 @@ bool Sky::look(Navigation& navigation) noexcept {
     for (int r = c; r < unknowns; ++r) {
       double sum = normal[r][c];
       for (int k = 0; k < c; ++k) sum -= l[r][k] * l[c][k];
-      constexpr double least = 1e-6;  // a dilution of 1000
+      constexpr double least = 1e-6;  // a smaller pivot means a dilution above 1000
       if (r == c && sum < least) return false;
       l[r][c] = r == c ? std::sqrt(sum) : sum / l[c][c];
     }

@@ -357,7 +357,7 @@ ImuConfig read_imu(TableReader& table, std::size_t index, const TruthConfig& tru
                               imu.protocol->name, product->rate_hz));
   } else {
     const double own = imu.protocol == nullptr ? 0 : default_rate_hz(*imu.protocol, imu.settings);
-    // A description that could not be read may have the rate.
+    // A description that could not be read may state the rate. That rate_hz is missing is then not reported.
     const bool is_unread = device && imu.settings.frames() == nullptr &&
                            std::ranges::any_of(imu.protocol->settings, &Setting::names_frames);
     if (own == 0 && !is_unread) require(table, "rate_hz", "the sensor's output rate");

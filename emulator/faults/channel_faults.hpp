@@ -63,7 +63,7 @@ class ChannelFaults {
     schedule_.set_rate(rate_hz);
     messages_.set_rate(rate_hz);
   }
-  // The faults of the messages, for the frames of the last sample.
+  // The faults that change, delay or drop messages.
   MessageFaults& messages() noexcept { return messages_; }
   // The expectations about the host of the imu.
   Expectations& expectations() noexcept { return expectations_; }

@@ -29,7 +29,7 @@ class PacketRing {
     Endpoint peer = {};  // its port is 0 where there is none
   };
 
-  // `capacity`: bytes, a power of two.
+  // `capacity`: bytes; rounded up to a power of two.
   explicit PacketRing(std::size_t capacity) : bytes_(std::bit_ceil(capacity)) {}
 
   // Returns whether a packet of `size` bytes fits. Pushing thread.

@@ -64,7 +64,7 @@ class DeviceClock {
   std::optional<DeviceTime> next_sample() const noexcept {
     return has_samples_ ? std::optional(stamp(next_)) : std::nullopt;
   }
-  // Returns the stamp of instant k, counted from set().
+  // Returns the stamp of instant k of the present grid. The last set() or change() placed instant 0.
   DeviceTime stamp(std::uint64_t k) const noexcept {
     if (k == walk_.k() + 1)
       walk_.advance();

@@ -73,7 +73,7 @@ class Sensor {
   Grid grid_;
   Imu imu_;
   DeviceClock clock_;
-  Normals normals_;  // of the errors of the clock
+  Normals normals_;  // the random numbers of the clock's errors
   Oscillator oscillator_;
   StampError stamp_error_;
   bool has_clock_errors_;  // the oscillator or the stamps have errors

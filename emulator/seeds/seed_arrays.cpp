@@ -60,7 +60,7 @@ SeedArrays::SeedArrays(const Config& config, const std::string& path) {
     added.truth = std::make_unique<ArrayFile>(paths[2 * imus_.size() - 1], truth_columns());
     const OscillatorModel& clock = imu.model.oscillator;
     added.wanders = clock.phase_random_walk > 0 || clock.frequency_random_walk > 0;
-    // A client may have begun the faults of a recorded run.
+    // A record may have faults that a client began, and that are not in the configuration.
     added.is_changed = added.wanders && (is_faulty_truth || config.control.faults);
     added.is_faulty = is_faulty_truth || added.wanders;
     for (const FaultConfig& fault : config.faults) {

@@ -35,7 +35,8 @@ struct WorkerProcesses {
 // with the cause if an item or a worker has failed.
 bool run_workers(const WorkerProcesses& workers, std::size_t items);
 
-// From now on SIGINT and SIGTERM set workers_stop(), which is false at first. run_workers() calls it.
+// From now on SIGINT and SIGTERM set workers_stop(), which is false at first. run_workers() calls this function
+// unless WorkerProcesses::goes_on is set.
 void catch_workers_stop() noexcept;
 // Set by SIGINT and SIGTERM after catch_workers_stop(), in the workers, too.
 const std::atomic<bool>& workers_stop() noexcept;

@@ -30,8 +30,9 @@ enum class Abort : std::uint8_t {
   bad_sequence = 7,
 };
 
-// The transfers of one node, in both directions. A session ends at one of the time-outs T1 to T4 at the latest. Times
-// are by the device's clock, as in Device.
+// The transfers of one node, in both directions. A session ends when one of the time-outs T1 to T4 passes without the
+// message that it awaits; a broadcast that is sent ends after its last packet. Times are by the device's clock, as in
+// Device.
 class Transport {
  public:
   static constexpr std::size_t max_size =

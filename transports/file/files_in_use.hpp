@@ -23,7 +23,8 @@ class FilesInUse {
   // Returns the use of the file; empty if it is not in use.
   std::string_view use_of(const std::string& path) const;
   // Adds an output; an empty path adds none. Returns the fault if the file is in use already, such as "PATH: is
-  // the input; give another file"; otherwise an empty text. Several outputs may go to the same device or pipe.
+  // the input; give another file"; otherwise an empty text. Several outputs may go to the same device or named
+  // pipe; one alone to standard output.
   [[nodiscard]] std::string claim(const std::string& path, std::string_view use);
 
  private:

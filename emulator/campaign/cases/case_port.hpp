@@ -13,8 +13,8 @@
 
 namespace imud {
 
-// The bytes are the content of the file that the transport `file` would write or, of a CAN bus, `canfile`. At
-// commit() `end` receives their SHA-256. Opens nothing.
+// Computes the SHA-256 of the file that the transport `file` would write, or `canfile` for a CAN bus. commit() passes
+// it to `end`. Opens no file.
 class CasePort final : public NoPort {
  public:
   // `receive`: receives the decoded measurements as for decoding_port(), each with the time of its first frame;

@@ -6,7 +6,7 @@
 namespace imud {
 namespace {
 
-// Returns a value whose text has the character, for people; empty if there is none.
+// Returns words for people that describe a value of the setting which contains `c`; empty if no value contains it.
 std::string value_with(const FrameSettings::Setting& setting, char c) {
   if (setting.is_range && ((c >= '0' && c <= '9') || (c == '-' && setting.lowest < 0)))
     return "a value from " + std::to_string(setting.lowest) + " to " + std::to_string(setting.highest);

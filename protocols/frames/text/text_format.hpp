@@ -25,7 +25,8 @@ class TextFormat {
  public:
   static constexpr int widest = 32;  // characters that a width may ask for
   static constexpr int most_decimals = 15;
-  static constexpr double largest = 1e15;  // magnitude at which numbers saturate
+  // The magnitude at which numbers saturate. Hexadecimal numbers, choices and angles saturate earlier.
+  static constexpr double largest = 1e15;
 
   // Reads a format at the beginning of `text`, and removes its characters. Throws std::invalid_argument.
   static TextFormat take(std::string_view& text);
