@@ -32,7 +32,7 @@ struct Setting {
   const std::shared_ptr<const FrameDescription>* frames = nullptr;
 };
 
-// The rows of an entry's table, by the type of the initial value.
+// Each function makes a row of an entry's table.
 constexpr Setting flag_setting(std::string_view key, std::string_view help, bool initial) {
   return {key, help, initial};
 }

@@ -128,8 +128,8 @@ class FrameLayout final : public MessageLayout {
   void seal_at(std::span<const Check> checks, std::span<std::byte> frame, const Around& place) const noexcept;
   // Finds which quantities the fields carry, and which clock and which counters have the longest period.
   void find_read_back() noexcept;
-  // Writes the frame. Returns the number of fields that saturate. `given`: values that replace the
-  // real numbers of the Reading; nullptr: none is replaced.
+  // Writes the frame. Returns the number of fields that saturate. `given`: values that replace the real
+  // numbers of the Reading; nullptr: none is replaced.
   unsigned write(const Reading& reading, const State& state, const FrameTestValues* given, std::span<double> carried,
                  std::span<std::byte> frame) const noexcept;
   std::uint64_t number_of(const Field& field, const Reading& reading, const State& state,
