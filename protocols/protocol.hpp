@@ -103,7 +103,7 @@ class Device {
 };
 
 // A decoded sample. `fields` is the set of quantities (bits of Field) that the frame carries; all others are zero in
-// `sample`.
+// `sample`. Of a carried vector, a component that the product does not send is NaN.
 struct Measurement {
   enum Field : std::uint32_t {
     time = 1,
@@ -206,7 +206,6 @@ struct Protocol {
     double rate = DBL_MAX, specific_force = DBL_MAX, delta_angle = DBL_MAX, delta_velocity = DBL_MAX,
            temperature_c = DBL_MAX;
   } range = {};
-  unsigned absent_rates = 0;        // bits 0 to 2: rates about x, y and z that the product lacks; decoded as 0
   std::int64_t time_period_ns = 0;  // period after which the time on the wire wraps; 0: never
   unsigned counter_bits = 64;       // number of the counter's low bits that the wire carries
   bool sends_some_samples = false;  // the counter counts unsent samples, too, and so advances in steps above 1

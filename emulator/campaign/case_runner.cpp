@@ -156,8 +156,8 @@ std::optional<CaseRunner::Result> CaseRunner::run(std::uint64_t index, const std
                     .sums = {prepared_->sums.begin(), prepared_->sums.end()},
                     .rows = {},
                     .tested = tested ? std::optional(tested->imu()) : std::nullopt};
-    for (const ImuConfig& imu : config.imus)
-      if (campaign_.arrays > 0) ports.rows.emplace_back(campaign_.arrays, imu.protocol->absent_rates);
+    for (std::size_t i = 0; campaign_.arrays > 0 && i < config.imus.size(); ++i)
+      ports.rows.emplace_back(campaign_.arrays);
     SeedRun replay{.truths = prepared_->truths.get(), .repeats = prepared_->repeats};
     std::optional<Recorder> recorder;
     if (!shown.record.empty()) {
@@ -204,8 +204,7 @@ std::optional<CaseRunner::Result> CaseRunner::run(std::uint64_t index, const std
     row["digest"] = ports.digests;
     row["figures"] = case_figures(summary);
     for (std::size_t i = 0; campaign_.integrated_errors && i < config.imus.size(); ++i)
-      for (const auto& [name, value] :
-           integrated_errors(ports.sums[i], prepared_->sums[i], config.imus[i].protocol->absent_rates))
+      for (const auto& [name, value] : integrated_errors(ports.sums[i], prepared_->sums[i]))
         row["figures"][fmt::format("{}.{}", config.imus[i].name, name)] = value;
     for (std::size_t i = 0; i < ports.rows.size(); ++i) {
       row["figures"][config.imus[i].name + ".rows_cut"] = ports.rows[i].cut();

@@ -174,7 +174,7 @@ std::vector<std::vector<MadeRow>> made_rows(const Config& config, const TwinRun&
       only_made, run, [&](std::size_t i, const Measurement&) { ++samples[i]; },
       [&](std::size_t i) { return samples[i]; },
       [&](std::size_t i, const Measurement& measurement, std::int64_t number) {
-        rows[i].emplace_back(MeasurementRow(measurement, config.imus[i].protocol->absent_rates),
+        rows[i].emplace_back(MeasurementRow(measurement),
                              static_cast<std::uint64_t>(std::max<std::int64_t>(number, 1) - 1));
       });
   return rows;

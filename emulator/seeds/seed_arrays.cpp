@@ -165,10 +165,9 @@ SeedArrays::Rows::Rows(const SeedArrays& arrays, std::size_t imu, std::uint64_t 
 }
 
 std::unique_ptr<Port> SeedArrays::Rows::port() {
-  const ImuConfig& imu = arrays_.imus_[imu_].config;
-  return decoding_port(imu, [this, absent = imu.protocol->absent_rates](const Measurement& measurement) {
+  return decoding_port(arrays_.imus_[imu_].config, [this](const Measurement& measurement) {
     if (++taken_ > arrays_.imus_[imu_].rows) return;
-    const MeasurementRow row(measurement, absent);
+    const MeasurementRow row(measurement);
     const auto bytes = bytes_of(row, row_size(false));
     held_.insert(held_.end(), bytes.begin(), bytes.end());
     if (arrays_.imus_[imu_].varies()) held_truths_.push_back(truth_of(row));

@@ -50,7 +50,6 @@ extern constexpr Protocol bosch_mm5_protocol = signal_protocol<bosch_mm5_table>(
     .fields = Measurement::rate | Measurement::specific_force,
     .resolution = {.rate = rate_lsb, .specific_force = force_lsb},
     .range = {.rate = 32767 * rate_lsb, .specific_force = 32766 * force_lsb},
-    .absent_rates = 1U << 1,
     .status_bits = 0,
     .make = by_table,
     .make_decoder = by_table,

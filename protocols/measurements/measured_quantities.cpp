@@ -1,6 +1,8 @@
 #include "protocols/measurements/measured_quantities.hpp"
 
 #include <chrono>
+#include <iterator>
+#include <limits>
 
 #include "core/attitude.hpp"
 #include "core/earth/earth.hpp"
@@ -10,6 +12,15 @@ namespace imud {
 namespace {
 
 using namespace navigation_readings;
+
+// The vectors of a measurement, in the order of their bits in ReadBack::components.
+constexpr struct {
+  Measurement::Field field;
+  Vector3 Sample::*values;
+} measured_vectors[] = {{Measurement::rate, &Sample::rate},
+                        {Measurement::specific_force, &Sample::specific_force},
+                        {Measurement::delta_angle, &Sample::delta_angle},
+                        {Measurement::delta_velocity, &Sample::delta_velocity}};
 
 // --- Vectors; `Place` is the number of the first bit in ReadBack::components, divided by 3 ---
 template <Vector3 Sample::*Member, int Axis>
@@ -279,6 +290,17 @@ constexpr MeasuredQuantity quantities[] = {
 };
 
 }  // namespace
+
+void ReadBack::complete_vectors(std::uint32_t sent) noexcept {
+  for (std::size_t i = 0; i < std::size(measured_vectors); ++i) {
+    const std::uint32_t all = sent >> 3 * i & 7U;
+    if (all == 0 || (components >> 3 * i & all) != all) continue;
+    measurement.fields |= measured_vectors[i].field;
+    for (int axis = 0; axis < 3; ++axis)
+      if ((all >> axis & 1U) == 0)
+        (measurement.sample.*measured_vectors[i].values)[axis] = std::numeric_limits<double>::quiet_NaN();
+  }
+}
 
 bool MeasuredQuantity::is_known(const Sample& sample) const noexcept {
   switch (needs) {

@@ -32,6 +32,10 @@ struct ReadBack {
   // to 11 of the delta-velocity.
   std::uint32_t components = 0;
   double scratch = 0;  // passes a number from one signal of a message to the next
+
+  // Adds to the measurement's fields each vector whose components are all present. `sent` are the components that the
+  // sensor's messages have. Of a vector in the fields, a component that no message has becomes NaN.
+  void complete_vectors(std::uint32_t sent) noexcept;
 };
 
 struct MeasuredQuantity {

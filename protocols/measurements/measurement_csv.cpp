@@ -3,6 +3,7 @@
 #include <charconv>
 #include <cmath>
 #include <concepts>
+#include <limits>
 
 #include "protocols/quantities/columns.hpp"
 #include "protocols/wire/number_text.hpp"
@@ -87,7 +88,7 @@ std::size_t write_fields(const Sample& sample, std::uint32_t fields, std::span<c
   writer.field(carried(Measurement::time), sample.stamp().ns);
   writer.field(carried(Measurement::counter), sample.counter);
   for (const auto& [field, vector] : vectors)
-    for (const double component : sample.*vector) writer.field(carried(field), component);
+    for (const double component : sample.*vector) writer.field(carried(field) && !std::isnan(component), component);
   writer.field(carried(Measurement::temperature), sample.temperature_c);
   writer.field(carried(Measurement::status), sample.status, with_inclination ? ',' : '\n');
   if (!with_inclination) return writer.length();
@@ -116,15 +117,19 @@ bool read_measurement_csv(std::string_view row, Measurement& measurement) noexce
   const auto carry = [&](bool carried, Measurement::Field field) { measurement.fields |= carried ? field : 0U; };
   const auto read = [&reader](Vector3& vector) {
     int components = 0;
-    for (double& component : vector) components += reader.field(component) ? 1 : 0;
+    for (double& component : vector) {
+      const bool has_value = reader.field(component);
+      if (!has_value) component = std::numeric_limits<double>::quiet_NaN();
+      components += has_value ? 1 : 0;
+    }
     return components;
   };
   carry(reader.field(sample.time.ns), Measurement::time);
   carry(reader.field(sample.counter), Measurement::counter);
   for (const auto& [field, vector] : vectors) {
-    const int components = read(sample.*vector);
-    if (components != 0 && components != 3) return false;
-    carry(components == 3, field);
+    const bool is_carried = read(sample.*vector) != 0;
+    if (!is_carried) (sample.*vector).setZero();
+    carry(is_carried, field);
   }
   carry(reader.field(sample.temperature_c), Measurement::temperature);
   carry(reader.field(sample.status), Measurement::status);

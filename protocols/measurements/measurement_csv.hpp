@@ -1,7 +1,8 @@
 // Measurement CSV: one measurement as a row of text, the form that `protocol = "csv"` sends and imu-decode prints.
 //
 // rad/s, m/s^2, rad, m/s, degrees Celsius, ns; doubles in their shortest form that reads back as the same double; a
-// field that the measurement does not carry is empty. A table of a sensor with inclinometers has three more columns.
+// field or a component of a vector that the measurement does not carry is empty. A table of a sensor with
+// inclinometers has three more columns.
 #pragma once
 
 #include <cstddef>
@@ -37,7 +38,7 @@ std::size_t write_measurement_csv(const Sample& sample, std::span<char, measurem
 
 // Reads a row; Sample::inclination is set if the row has it. Requires a row without its line end. Returns false, with
 // `measurement` unspecified, if the row is malformed: the row has neither 16 nor 19 columns, a field is not a finite
-// number, or only some components of a vector are empty.
+// number, or only some components of the inclination are empty.
 bool read_measurement_csv(std::string_view row, Measurement& measurement) noexcept;
 
 }  // namespace imud

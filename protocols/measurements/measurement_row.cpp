@@ -37,8 +37,7 @@ void take_values(const Measurement& measurement, std::uint32_t field, const Vect
 
 }  // namespace
 
-MeasurementRow::MeasurementRow(const Measurement& measurement, unsigned absent_rates) noexcept
-    : fields(measurement.fields) {
+MeasurementRow::MeasurementRow(const Measurement& measurement) noexcept : fields(measurement.fields) {
   const Sample& sample = measurement.sample;
   if ((fields & Measurement::time) != 0) time_ns = sample.time.ns;
   if ((fields & Measurement::counter) != 0) counter = sample.counter;
@@ -46,8 +45,6 @@ MeasurementRow::MeasurementRow(const Measurement& measurement, unsigned absent_r
   take_values(measurement, Measurement::specific_force, sample.specific_force, accel);
   take_values(measurement, Measurement::delta_angle, sample.delta_angle, dtheta);
   take_values(measurement, Measurement::delta_velocity, sample.delta_velocity, dvel);
-  for (std::size_t axis = 0; axis < gyro.size(); ++axis)
-    if (((absent_rates >> axis) & 1U) != 0) gyro[axis] = TrueValues::none;
   if ((fields & Measurement::temperature) != 0) temperature = sample.temperature_c;
   if ((fields & Measurement::status) != 0) status = sample.status;
 }

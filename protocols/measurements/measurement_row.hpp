@@ -35,8 +35,7 @@ struct MeasurementRow {
   std::uint32_t fields = 0;
   TrueValues truth;  // only where the truth is known beside the measurement
 
-  // `absent_rates`: as in Protocol.
-  explicit MeasurementRow(const Measurement& measurement, unsigned absent_rates = 0) noexcept;
+  explicit MeasurementRow(const Measurement& measurement) noexcept;
 };
 
 struct MeasurementColumn {

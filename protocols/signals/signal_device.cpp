@@ -130,12 +130,7 @@ void SignalDecoder::end(MeasurementSink& sink) {
     ++errors_.incomplete;
     return begin();
   }
-  constexpr std::uint32_t vectors[] = {Measurement::rate, Measurement::specific_force, Measurement::delta_angle,
-                                       Measurement::delta_velocity};
-  for (std::size_t i = 0; i < std::size(vectors); ++i) {
-    const std::uint32_t all = components_ & 7U << 3 * i;
-    if (all != 0 && (set_.components & all) == all) set_.measurement.fields |= vectors[i];
-  }
+  set_.complete_vectors(components_);
   if (set_.measurement.fields != 0) sink.on_measurement(set_.measurement);
   begin();
 }

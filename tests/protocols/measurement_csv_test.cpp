@@ -119,12 +119,23 @@ TEST(MeasurementCsv, RefusesWhatIsNoRow) {
        {"", "1,2,3,4,5,6,7,8,9,10,11,12,13,14,15", "1,2,3,4,5,6,7,8,9,10,11,12,13,14,15,16,17",
         "1,2,3,4,5,6,7,8,9,10,11,12,13,14,15,16,", "1,2,3,4,5,6,7,8,9,10,11,12,13,14,15,16,17,18",
         "1,2,3,4,5,6,7,8,9,10,11,12,13,14,15,16,17,,19", "1,2,3,4,5,6,7,8,9,10,11,12,13,14,15,16,17,18,19,20",
-        "1,2,,4,5,6,7,8,9,10,11,12,13,14,15,16", "1,2,nan,4,5,6,7,8,9,10,11,12,13,14,15,16",
-        "1,2,3,inf,5,6,7,8,9,10,11,12,13,14,15,16", "1,2,3,4,x,6,7,8,9,10,11,12,13,14,15,16",
-        "1,2,3,4,5 6,6,7,8,9,10,11,12,13,14,15,16", "1.5,2,3,4,5,6,7,8,9,10,11,12,13,14,15,16",
-        "1,-2,3,4,5,6,7,8,9,10,11,12,13,14,15,16", "1,2,3,4,5,6,7,8,9,10,11,12,13,14,15,4294967296",
-        "1,2,1e999,4,5,6,7,8,9,10,11,12,13,14,15,16"})
+        "1,2,nan,4,5,6,7,8,9,10,11,12,13,14,15,16", "1,2,3,inf,5,6,7,8,9,10,11,12,13,14,15,16",
+        "1,2,3,4,x,6,7,8,9,10,11,12,13,14,15,16", "1,2,3,4,5 6,6,7,8,9,10,11,12,13,14,15,16",
+        "1.5,2,3,4,5,6,7,8,9,10,11,12,13,14,15,16", "1,-2,3,4,5,6,7,8,9,10,11,12,13,14,15,16",
+        "1,2,3,4,5,6,7,8,9,10,11,12,13,14,15,4294967296", "1,2,1e999,4,5,6,7,8,9,10,11,12,13,14,15,16"})
     EXPECT_FALSE(read_measurement_csv(bad, measurement)) << bad;
+}
+
+TEST(MeasurementCsv, ComponentThatIsNotCarriedIsEmptyAndReadAsNaN) {
+  const std::string text = "1,2,,4,5,6,7,8,,,,,,,15,16";
+  Measurement read;
+  ASSERT_TRUE(read_measurement_csv(text, read));
+  EXPECT_EQ(read.fields, Measurement::all & ~(Measurement::delta_angle | Measurement::delta_velocity));
+  EXPECT_TRUE(std::isnan(read.sample.rate.x()));
+  EXPECT_EQ(read.sample.rate.y(), 4);
+  EXPECT_EQ(read.sample.delta_angle, Vector3::Zero());
+  std::array<char, measurement_csv_row_max> row;
+  EXPECT_EQ(std::string_view(row.data(), write_measurement_csv(read, row)), text + "\n");
 }
 
 class CsvDecoding : public testing::Test {

@@ -12,7 +12,8 @@ from support import FLIGHT, PROGRAMS, RunTest, run
 
 IDEAL = "rate_hz = 1000\nprotocol = 'native'\nport = 'file:{file}'\ngyro.max_rad_per_s = 10\n" \
         "accelerometer.max_m_per_s2 = 200\n"
-
+HEADER = "time_ns,counter," + ",".join(f"{n}_{a}" for n in ("gyro", "accel", "dtheta", "dvel") for a in "xyz") + \
+         ",temperature,status\n"
 
 COMBINED = "sensor_combined:uint64_t timestamp;float[3] gyro_rad;uint32_t gyro_integral_dt;" \
            "int32_t accelerometer_timestamp_relative;float[3] accelerometer_m_s2;uint32_t accelerometer_integral_dt;" \
@@ -42,6 +43,14 @@ class LogInput(RunTest):
         rows, _ = self.decode((self.folder / "b.ulg").read_bytes(), "topic=sensor_accel")
         self.assertEqual(len(rows), 10001)
         self.assertEqual(numpy.float32(rows[5][7]), numpy.float32(text.splitlines()[6].split(",")[7]))
+
+    def test_what_is_lacking_is_lacking_again(self):
+        # A product that sends each second sample, and no rate about x.
+        text = HEADER + "".join(f"{k}000000,{2 * k},,2,3,4,5,6,,,,,,,20,0\n" for k in range(1, 40))
+        run("imu-decode", "csv", "-", "--ulog", self.folder / "b", stdin=text)
+        again, report = run("imu-decode", "ulog", f"file:{self.folder}/b")
+        self.assertEqual(again, text)
+        self.assertIn("gaps       0 (0 samples missing)", report)
 
     def test_sensor_combined_is_preferred_to_one_sensor(self):
         data = [(0, struct.pack("<Q10xQ4f", 99, 90, 7, 8, 9, 20)), (1, combined(5, (1, 2, 3), (4, 5, 6))),
@@ -126,6 +135,14 @@ class McapInput(RunTest):
         again, report = run("imu-decode", "mcap", f"file:{self.folder}/b.mcap")
         self.assertEqual(again, lines)
         self.assertIn("0 failures, 0 malformed", report)
+
+    def test_what_is_lacking_is_lacking_again(self):
+        # A product that sends each second sample, and no rate about x.
+        text = HEADER + "".join(f"{k}000000,{2 * k},,2,3,4,5,6,,,,,,,20,0\n" for k in range(1, 40))
+        run("imu-decode", "csv", "-", "--mcap", self.folder / "b", stdin=text)
+        again, report = run("imu-decode", "mcap", f"file:{self.folder}/b")
+        self.assertEqual(again, text)
+        self.assertIn("gaps       0 (0 samples missing)", report)
 
     def test_imu_messages_of_ros_2_are_read(self):
         for order in "<", ">":

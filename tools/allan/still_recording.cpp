@@ -18,7 +18,7 @@ void require_length(const StillRecording& recording) {
 }  // namespace
 
 StillRecorder::StillRecorder(const Protocol& protocol, const RecordingOptions& options, std::uint64_t wanted)
-    : protocol_(protocol), options_(options), wanted_(wanted), statistics_(protocol) {}
+    : options_(options), wanted_(wanted), statistics_(protocol) {}
 
 void StillRecorder::choose_channels(const Measurement& first) {
   const auto choose = [&](std::uint32_t plain, std::uint32_t increment) {
@@ -28,17 +28,25 @@ void StillRecorder::choose_channels(const Measurement& first) {
   const std::uint32_t rate = choose(Measurement::rate, Measurement::delta_angle);
   const std::uint32_t force = choose(Measurement::specific_force, Measurement::delta_velocity);
   fields_ = rate | force;
-  for (std::size_t axis = 0; axis < channels_per_sensor; ++axis)
-    if (rate != 0 && ((protocol_.absent_rates >> axis) & 1U) == 0)
-      recording_.channels.push_back({axis, {}, rate == Measurement::delta_angle});
-  for (std::size_t axis = 0; axis < channels_per_sensor; ++axis)
-    if (force != 0)
-      recording_.channels.push_back({channels_per_sensor + axis, {}, force == Measurement::delta_velocity});
+  const auto add = [&](std::size_t begin, const Vector3& values, bool is_increment) {
+    for (std::size_t axis = 0; axis < channels_per_sensor; ++axis)
+      if (!std::isnan(values[static_cast<Eigen::Index>(axis)]))
+        recording_.channels.push_back({begin + axis, {}, is_increment});
+  };
+  if (rate != 0) add(0, rates_of(first.sample), rate == Measurement::delta_angle);
+  if (force != 0) add(channels_per_sensor, forces_of(first.sample), force == Measurement::delta_velocity);
+}
+
+const Vector3& StillRecorder::rates_of(const Sample& sample) const noexcept {
+  return (fields_ & Measurement::delta_angle) != 0 ? sample.delta_angle : sample.rate;
+}
+
+const Vector3& StillRecorder::forces_of(const Sample& sample) const noexcept {
+  return (fields_ & Measurement::delta_velocity) != 0 ? sample.delta_velocity : sample.specific_force;
 }
 
 void StillRecorder::on_measurement(const Measurement& measurement) {
   if (is_full()) return;
-  ++measurements_;
   const Sample& sample = measurement.sample;
   const bool is_valid = (measurement.fields & Measurement::status) == 0 || (sample.status & status::not_valid) == 0;
   if (fields_ == 0) {
@@ -55,8 +63,7 @@ void StillRecorder::on_measurement(const Measurement& measurement) {
     return;
   }
   ++taken_;
-  const Vector3& rate = (fields_ & Measurement::delta_angle) != 0 ? sample.delta_angle : sample.rate;
-  const Vector3& force = (fields_ & Measurement::delta_velocity) != 0 ? sample.delta_velocity : sample.specific_force;
+  const Vector3 &rate = rates_of(sample), &force = forces_of(sample);
   for (auto& channel : recording_.channels) {
     const auto axis = static_cast<Eigen::Index>(channel.number % channels_per_sensor);
     channel.values.push_back(channel.is_rate() ? rate[axis] : force[axis]);
@@ -97,9 +104,6 @@ StillRecording StillRecorder::finish() {
   } else if (statistics_.arrival().hz()) {
     r.rate_hz = hz(statistics_.arrival());
     r.rate_source = "arrival";
-  } else if (nominal_rate_hz_) {
-    r.rate_hz = *nominal_rate_hz_;
-    r.rate_source = "nominal";
   } else {
     throw std::runtime_error("the rate is unknown, as the samples have no time; right would be --rate-hz HZ");
   }

@@ -57,10 +57,6 @@ class StillRecorder final : public MeasurementReceiver {
   void on_measurement(const Measurement& measurement) override;
   void set_arrival(std::optional<HostTime> arrival) override { arrival_ = arrival; }
   bool is_full() const override { return taken_ >= wanted_; }
-  // Returns the number of measurements so far, recorded or not.
-  std::uint64_t measurements() const noexcept { return measurements_; }
-  // Sets the rate of samples without a time.
-  void set_nominal_rate(double rate_hz) noexcept { nominal_rate_hz_ = rate_hz; }
 
   // Ends the recording; call it once. Samples around a gap are joined, as if no sample were missing. This has no
   // effect on white noise, and little effect on other noise as long as few samples are missing. Throws
@@ -70,15 +66,16 @@ class StillRecorder final : public MeasurementReceiver {
 
  private:
   void choose_channels(const Measurement& first);
+  // Return the recorded vectors of a sample, or its increments over a period.
+  const Vector3& rates_of(const Sample& sample) const noexcept;
+  const Vector3& forces_of(const Sample& sample) const noexcept;
 
-  const Protocol& protocol_;
   const RecordingOptions options_;
   const std::uint64_t wanted_;
   StreamStatistics statistics_;
   std::optional<HostTime> arrival_;
   std::uint32_t fields_ = 0;  // recorded fields; 0 before the first sample
-  std::uint64_t taken_ = 0, measurements_ = 0;
-  std::optional<double> nominal_rate_hz_;
+  std::uint64_t taken_ = 0;
   StillRecording recording_;
 };
 

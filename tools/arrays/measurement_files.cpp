@@ -114,8 +114,7 @@ RowAttributes attributes_of(const MeasurementFiles::Options& options, const Prot
 }  // namespace
 
 MeasurementFiles::MeasurementFiles(const Options& options, const Protocol& protocol, const std::string& port,
-                                   FilesInUse& in_use)
-    : absent_rates_(protocol.absent_rates) {
+                                   FilesInUse& in_use) {
   check(options, in_use);
   if (!options.truth.empty())
     truth_ = std::make_unique<TruthBeside>(
@@ -131,7 +130,7 @@ MeasurementFiles::MeasurementFiles(const Options& options, const Protocol& proto
 
 void MeasurementFiles::write(const Measurement& measurement) {
   if (files_.empty()) return;
-  MeasurementRow row(measurement, absent_rates_);
+  MeasurementRow row(measurement);
   if (truth_) row.truth = truth_->at(row);
   for (const auto& file : files_) file->write(row);
 }

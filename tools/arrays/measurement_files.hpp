@@ -41,7 +41,6 @@ class MeasurementFiles {
   std::string finish();
 
  private:
-  const unsigned absent_rates_;
   std::unique_ptr<TruthBeside> truth_;
   std::vector<std::unique_ptr<RowOutput>> files_;
   HostTime flushed_;

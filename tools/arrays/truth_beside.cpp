@@ -41,7 +41,7 @@ TruthBeside::TruthBeside(const Options& options, const Protocol& protocol) : opt
   else
     truths_ = std::move(of_imu.rows);
   const auto receive = [&](const Measurement& measurement) {
-    const MeasurementRow row(measurement, protocol.absent_rates);
+    const MeasurementRow row(measurement);
     measured_.push_back({row.time_ns, row.counter});
     if (by_rows) truths_.push_back(by_rows->of(row));
   };

@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 
 #include <array>
+#include <limits>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
@@ -57,6 +58,7 @@ bool read_imud_json(std::string_view text, std::uint64_t log_time, Measurement& 
   const auto vector = [&](const char* name, std::uint32_t bit, Vector3& value) {
     const auto found = object.find(name);
     if (found == object.end() || !found->is_object()) return;
+    value.setConstant(std::numeric_limits<double>::quiet_NaN());
     for (std::size_t axis = 0; axis < axes.size(); ++axis)
       if (const auto one = found->find(axes[axis]); one != found->end() && one->is_number())
         value[static_cast<Eigen::Index>(axis)] = one->get<double>();
@@ -132,6 +134,7 @@ extern constexpr Protocol mcap_log_format = {
     .link = Link::bytes,
     .document = "mcap.dev/spec, version 0",
     .settings = mcap_settings,
+    .sends_some_samples = true,  // as the product that was logged may
     .has_checksum = true,
     .make = nullptr,  // only decoded
     .make_decoder = make_as<Decoder, McapDecoder>,

@@ -103,9 +103,10 @@ class UlogDecoder final : public Decoder, private UlogReader {
       for (std::size_t axis = 0; axis < values.axes.size(); ++axis)
         out[static_cast<Eigen::Index>(axis)] = in->real(*values.axes[axis].first, values.axes[axis].second);
       // A product that lacks an axis has NaN there.
-      const bool is_carried = !out.array().isNaN().all();
-      out = out.array().isNaN().select(0.0, out);
-      if (is_carried) measurement.fields |= values.source->bit;
+      if (out.array().isNaN().all())
+        out.setZero();
+      else
+        measurement.fields |= values.source->bit;
     }
     if (in->number<std::int32_t>("accelerometer_timestamp_relative") == std::numeric_limits<std::int32_t>::max())
       measurement.fields &= ~std::uint32_t{Measurement::specific_force};
@@ -163,7 +164,8 @@ extern constexpr Protocol ulog_log_format = {
     .link = Link::bytes,
     .document = "docs.px4.io, ULog File Format, version 1",
     .settings = ulog_settings,
-    .make = nullptr,  // only decoded
+    .sends_some_samples = true,  // as the product that was logged may
+    .make = nullptr,             // only decoded
     .make_decoder = make_as<Decoder, UlogDecoder>,
 };
 

@@ -5,13 +5,11 @@
 
 namespace imud {
 
-CaseRows::CaseRows(std::uint64_t count, unsigned absent_rates) : count_(count), absent_rates_(absent_rates) {
-  rows_.reserve(count * row_size(false));
-}
+CaseRows::CaseRows(std::uint64_t count) : count_(count) { rows_.reserve(count * row_size(false)); }
 
 void CaseRows::add(const Measurement& measurement) noexcept {
   if (++measurements_ > count_) return;
-  const MeasurementRow row(measurement, absent_rates_);
+  const MeasurementRow row(measurement);
   const auto bytes = std::as_bytes(std::span(&row, 1)).first(row_size(false));
   rows_.insert(rows_.end(), bytes.begin(), bytes.end());
 }

@@ -12,8 +12,8 @@ namespace imud {
 
 class CaseRows {
  public:
-  // `count` is the number of rows of each case. `absent_rates` is Protocol::absent_rates. Allocates all memory.
-  CaseRows(std::uint64_t count, unsigned absent_rates);
+  // `count` is the number of rows of each case. Allocates all memory.
+  explicit CaseRows(std::uint64_t count);
 
   // Adds the row of a measurement, as `imud replay --npy` writes it. After `count` rows, further rows are cut off.
   void add(const Measurement& measurement) noexcept;
@@ -24,7 +24,6 @@ class CaseRows {
 
  private:
   const std::uint64_t count_;
-  const unsigned absent_rates_;
   std::uint64_t measurements_ = 0;
   std::vector<std::byte> rows_;
 };

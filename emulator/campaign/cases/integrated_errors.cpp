@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <cmath>
 #include <optional>
 #include <string_view>
 
@@ -64,8 +65,7 @@ void MeasuredSumsOverTime::add(const Measurement& measurement, DeviceTime time) 
   end_.add(measurement);
 }
 
-std::vector<std::pair<std::string, double>> integrated_errors(const MeasuredSums& measured, const TrueSums& truth,
-                                                              unsigned absent_rates) {
+std::vector<std::pair<std::string, double>> integrated_errors(const MeasuredSums& measured, const TrueSums& truth) {
   std::vector<std::pair<std::string, double>> errors;
   const auto error = [&](Measurement::Field increment, Vector3 MeasuredSums::*increments, Measurement::Field level,
                          Vector3 MeasuredSums::*levels) -> std::optional<Vector3> {
@@ -73,27 +73,24 @@ std::vector<std::pair<std::string, double>> integrated_errors(const MeasuredSums
     if ((measured.fields & level) == 0) return std::nullopt;
     return truth.interval_s * (measured.*levels - truth.sums.*levels);
   };
-  const auto add = [&](std::string_view name, std::string_view unit, const std::optional<Vector3>& values,
-                       unsigned absent) {
+  const auto add = [&](std::string_view name, std::string_view unit, const std::optional<Vector3>& values) {
     for (int axis = 0; values && axis < 3; ++axis)
-      if ((absent >> axis & 1U) == 0)
+      if (!std::isnan((*values)[axis]))
         errors.emplace_back(fmt::format("{}_error_{}_{}", name, "xyz"[axis], unit), (*values)[axis]);
   };
   add("angle", "rad",
-      error(Measurement::delta_angle, &MeasuredSums::delta_angle, Measurement::rate, &MeasuredSums::rate),
-      absent_rates);
+      error(Measurement::delta_angle, &MeasuredSums::delta_angle, Measurement::rate, &MeasuredSums::rate));
   add("velocity", "m_per_s",
       error(Measurement::delta_velocity, &MeasuredSums::delta_velocity, Measurement::specific_force,
-            &MeasuredSums::specific_force),
-      0);
+            &MeasuredSums::specific_force));
   return errors;
 }
 
 std::vector<std::pair<std::string, double>> integrated_errors(const MeasuredSumsOverTime& measured,
-                                                              const TrueSumsOverTime& truth, unsigned absent_rates) {
-  auto errors = integrated_errors(measured.end(), truth.end, absent_rates);
+                                                              const TrueSumsOverTime& truth) {
+  auto errors = integrated_errors(measured.end(), truth.end);
   for (std::size_t i = 0; i < truth.at.size(); ++i)
-    for (auto& [name, error] : integrated_errors(measured.at(i), truth.at[i], absent_rates))
+    for (auto& [name, error] : integrated_errors(measured.at(i), truth.at[i]))
       errors.emplace_back(fmt::format("{}@{:.12g}", name, static_cast<double>(i + 1) * seconds(truth.every)), error);
   return errors;
 }

@@ -72,13 +72,12 @@ class MeasuredSumsOverTime {
 
 // Returns the errors "angle_error_x_rad", "velocity_error_x_m_per_s" and so on, in the sensor's axes: the measured
 // sums less the true sums. The sums are those over the increments if the product sends increments, otherwise over
-// rate and specific force, times the interval. The angle error is a sum about an axis, not an attitude.
-// `absent_rates` is Protocol::absent_rates.
-std::vector<std::pair<std::string, double>> integrated_errors(const MeasuredSums& measured, const TrueSums& truth,
-                                                              unsigned absent_rates);
+// rate and specific force, times the interval. The angle error is a sum about an axis, not an attitude. A
+// component that the product does not send has no error.
+std::vector<std::pair<std::string, double>> integrated_errors(const MeasuredSums& measured, const TrueSums& truth);
 // Returns the integrated_errors() at the end, and then up to each instant. The names of the latter end with the time
 // of the instant in s, such as "@0.5".
 std::vector<std::pair<std::string, double>> integrated_errors(const MeasuredSumsOverTime& measured,
-                                                              const TrueSumsOverTime& truth, unsigned absent_rates);
+                                                              const TrueSumsOverTime& truth);
 
 }  // namespace imud

@@ -172,9 +172,7 @@ TEST_F(TruthBesideTest, IsOfTheRowsOwnSampleForEveryProduct) {
         config,
         [&](const PortUse& use) -> std::unique_ptr<Port> {
           if (use.of != PortUse::Of::line || use.number > 0) return std::make_unique<NoPort>();
-          return decoding_port(config.imus[0], [&](const Measurement& one) {
-            rows.emplace_back(one, config.imus[0].protocol->absent_rates);
-          });
+          return decoding_port(config.imus[0], [&](const Measurement& one) { rows.emplace_back(one); });
         },
         nullptr);
     const RunTruth truth = truth_of_run(config, run, [](std::size_t) { return true; });

@@ -59,6 +59,26 @@ TEST(FrameStream, PassesTheMessageThatIsSwitchedOn) {
     }
 }
 
+// The messages of a sample together have the rates about x and z, and all of the specific force.
+TEST(FrameStream, ComponentThatNoMessageHasIsNaN) {
+  Line line = frame_line(
+      one_message("A1\nrate_x_rad_per_s:f32\nspecific_force_x_m_per_s2:f32\nspecific_force_y_m_per_s2:f32") +
+      "[[message]]\nname = \"other\"\nlayout = [\"A2\", \"rate_z_rad_per_s:f32\", "
+      "\"specific_force_z_m_per_s2:f32\"]\n");
+  Recording recording;
+  Sample sample;
+  sample.rate = {1, 2, 3};
+  sample.specific_force = {4, 5, 6};
+  line.decoder->feed({bytes_of(line, sample)}, recording);
+  ASSERT_EQ(recording.measurements.size(), 1U);
+  const auto& [read, fields] = recording.measurements[0];
+  EXPECT_EQ(fields, Measurement::rate | Measurement::specific_force);
+  EXPECT_EQ(read.rate.x(), 1);
+  EXPECT_TRUE(std::isnan(read.rate.y()));
+  EXPECT_EQ(read.rate.z(), 3);
+  EXPECT_EQ(read.specific_force, sample.specific_force);
+}
+
 // --- Gaps by the counter of all messages ---
 std::vector<std::uint64_t> counters_of(const std::string& second, std::string_view time) {
   Line line = frame_line(one_message("A5 01\nframe_counter:u8\nrate_x_deg_per_s:i16\n" + std::string(time)) +
