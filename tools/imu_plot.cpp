@@ -138,7 +138,7 @@ int execute(int argc, char** argv, bool& running) {
   add(app, "--seeds", options.seeds, "N", "further runs, with other seeds, for the envelope; default: 16")
       ->check(number_check(2, 1000));
   add(app, "--rate-hz", options.run.rate_hz, "HZ",
-      "sample rate, in place of that of the samples' time or of the product's settings")
+      "sample rate, in place of the rate by the samples' time or by the times of sending")
       ->check(number_check(1e-6, 1e9));
   app.add_flag("--filter-truth", options.run.is_truth_filtered,
                "the truth passes the sensor's own filters: the error is without their delay and attenuation");

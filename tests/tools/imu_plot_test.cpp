@@ -258,6 +258,19 @@ TEST_F(ImuPlot, DecodesProductsOfBothLinks) {
   }
 }
 
+// Ten measurements a second between slower messages, of the rate about z alone.
+TEST_F(ImuPlot, SlowMessagesDoNotCountForTheRate) {
+  write_config(
+      "port = \"pty:imu1\"\nprotocol = \"nmea\"\nrate_hz = 100\ngyro.max_rad_per_s = 10\n"
+      "accelerometer.max_m_per_s2 = 200\n");
+  const auto result = plot("run.png");
+  EXPECT_EQ(result.exit_code, 0) << result.errors;
+  EXPECT_TRUE(contains(result.output, " samples at 10 Hz,")) << result.output;
+  const auto samples = columns("run.plot.csv");
+  EXPECT_EQ(samples.count("gyro_z_error"), 1U);
+  EXPECT_EQ(samples.count("gyro_x_error"), 0U);
+}
+
 // The truth is the motion without faults; faults of another imu and expectations of a host are no matter.
 TEST_F(ImuPlot, AFaultIsAnError) {
   write_config(

@@ -10,33 +10,25 @@
 #include <stdexcept>
 #include <utility>
 
-#include "emulator/config/line_load.hpp"
-
 namespace imud {
 namespace {
 
-// Decodes the frames that a device sends. On a CAN bus they arrive at the device's time of sending.
+// Decodes the frames that a device sends. They arrive at the device's time of sending.
 class DecodedPort final : public NoPort {
  public:
-  DecodedPort(const ImuConfig& imu, StillRecorder& recorder, std::uint64_t& frames)
-      : is_can_(imu.protocol->link == Link::can),
-        decoder_(imu.protocol->make_decoder(imu.settings)),
-        recorder_(recorder),
-        frames_(frames) {}
+  DecodedPort(const ImuConfig& imu, StillRecorder& recorder)
+      : decoder_(imu.protocol->make_decoder(imu.settings)), recorder_(recorder) {}
 
   void send(std::span<const Frame> frames) noexcept override {
     NoPort::send(frames);
-    frames_ += frames.size();
-    if (is_can_) recorder_.set_arrival(HostTime{time_.ns});
+    recorder_.set_arrival(HostTime{time_.ns});
     for (const Frame& frame : frames) decoder_->feed(frame, recorder_);
   }
   void commit() override { decoder_->finish(recorder_); }
 
  private:
-  const bool is_can_;
   const std::unique_ptr<Decoder> decoder_;
   StillRecorder& recorder_;
-  std::uint64_t& frames_;
 };
 
 }  // namespace
@@ -52,7 +44,6 @@ EmulatedRun::EmulatedRun(Options options)
     throw std::invalid_argument(fmt::format("--imu {}: right would be one of {}", options_.imu, names));
   config_.imus.resize(1);
   ImuConfig& imu = config_.imus.front();
-  frames_per_s_ = line_load(imu).frames_per_s;
   imu.second_port.clear();
   imu.also.clear();
   imu.sync = {};
@@ -114,18 +105,12 @@ StillRecording EmulatedRun::record(const Config& config) {
   options.rate_hz = options_.rate_hz;
   options.largest_missing = 100;
   StillRecorder recorder(*imu.protocol, options, DecodeOptions{}.count);
-  std::uint64_t frames = 0;
   const std::vector<std::string> remarks =
-      replay_.run(config, [&](const PortUse&) { return std::make_unique<DecodedPort>(imu, recorder, frames); });
+      replay_.run(config, [&](const PortUse&) { return std::make_unique<DecodedPort>(imu, recorder); });
   if (!std::exchange(has_run_, true)) {
     for (const std::string& warning : config.warnings) fmt::print(stderr, "imu-plot: {}\n", warning);
     for (const std::string& remark : remarks) fmt::print(stderr, "imu-plot: {}\n", remark);
   }
-  // Frames of the start-up have no measurement.
-  if (recorder.measurements() > 0)
-    recorder.set_nominal_rate(
-        frames_per_s_ /
-        std::max(1.0, std::round(static_cast<double>(frames) / static_cast<double>(recorder.measurements()))));
   return recorder.finish();
 }
 

@@ -50,8 +50,7 @@ class EmulatedRun {
 
   Options options_;
   Replay replay_;
-  Config config_;            // with the selected imu alone
-  double frames_per_s_ = 0;  // selected by the settings of the device
+  Config config_;  // with the selected imu alone
   bool has_run_ = false;
 };
 
