@@ -203,6 +203,15 @@ TEST(ImuFit, NamesWhatTheDwellsDoNotShow) {
   EXPECT_EQ(shown(all_dwells(4, true), true), "+++++++++");
   EXPECT_EQ(shown(all_dwells(4, false), true), "+++++++--") << "one temperature";
   EXPECT_EQ(shown(all_dwells(4, true), false), "++++---++");
+  for (const double earth : {1.0, 0.0}) {
+    std::vector<Dwell> turns_in_the_cold = all_dwells(4, true);
+    for (Dwell& dwell : turns_in_the_cold)
+      if (dwell.rate->norm() < 0.1)
+        *dwell.rate *= earth;
+      else
+        dwell.temperature_c = 15;
+    EXPECT_EQ(shown(turns_in_the_cold, true), "++++++++-") << "all turns at one temperature";
+  }
   const auto only = [&](auto&& keep) {
     std::vector<Dwell> dwells;
     for (Dwell dwell : all_dwells(4, false))
@@ -223,6 +232,21 @@ TEST(ImuFit, NamesWhatTheDwellsDoNotShow) {
       << "z up and down";
   // One axis up, turning about it: the bias by its force cannot be told from the bias.
   EXPECT_EQ(shown(only([&](const Dwell& d) { return is_up(d, 2) && d.rate->norm() > 0.1; }), true), "---+-----");
+}
+
+// The true inputs differ from the plan by 1 %: the standard errors grow by the factor that explains the residuals.
+TEST(ImuFit, ErrorsGrowWithResidualsThatTheNoiseDoesNotExplain) {
+  Units units;
+  const std::vector<Dwell> dwells = all_dwells(4, true);
+  auto means = dwell_means(recording_of(units.unit(3), dwells, Units::rate_hz, 3), dwells, true, 25);
+  const AxisFit good = fit_sensor(means, units.noise(0), {}, true)[0];
+  EXPECT_EQ(good.error_factor, 1);
+  for (std::size_t i = 0; i < means.size(); i += 5) means[i].input *= 1.01;
+  const AxisFit bad = fit_sensor(means, units.noise(0), {}, true)[0];
+  EXPECT_NEAR(bad.error_factor, std::sqrt(bad.chi_square / static_cast<double>(bad.degrees)), 1e-9);
+  EXPECT_GT(bad.error_factor, 10);
+  EXPECT_NEAR(*bad[FitTerm::bias].sigma, bad.error_factor * *good[FitTerm::bias].sigma,
+              0.2 * *bad[FitTerm::bias].sigma);
 }
 
 TEST(ImuFit, TheFixturesErrorsAreInTheStandardErrors) {

@@ -67,10 +67,11 @@ std::string_view remedy(FitTerm term, int axis) {
     case FitTerm::g_z:
       return "dwells with that axis up and down, and the Earth's rate in the rates that are stated";
     case FitTerm::bias_by_temperature:
+      return "dwells at two temperatures";
     case FitTerm::scale_by_temperature:
       break;
   }
-  return "dwells at two temperatures";
+  return "inputs along that axis at two temperatures";
 }
 
 bool belongs(FitTerm term, bool is_rate) {
@@ -95,10 +96,15 @@ std::string axis_text(const FitReport::Sensor& sensor, int axis, bool is_rate) {
     else
       out += fmt::format("  {:<22} not shown: it takes {}\n", name.name, remedy(term, axis));
   });
-  return out + fmt::format(
-                   "  {} of {} varied terms are independent, condition {:.3g}; residuals {:.3g} for {} degrees of "
-                   "freedom\n",
-                   fit.rank, fit.wanted, fit.condition, fit.chi_square, fit.degrees);
+  out += fmt::format(
+      "  {} of {} varied terms are independent, condition {:.3g}; residuals {:.3g} for {} degrees of freedom\n",
+      fit.rank, fit.wanted, fit.condition, fit.chi_square, fit.degrees);
+  if (fit.error_factor > 1)
+    out += fmt::format(
+        "  WARNING: the noise does not explain the residuals; the errors above are enlarged {:.3g} times. Look for "
+        "motion, a wrong plan, or noise that --noise lacks\n",
+        fit.error_factor);
+  return out;
 }
 
 nlohmann::ordered_json axis_json(const FitReport::Sensor& sensor, int axis, bool is_rate) {
@@ -114,6 +120,7 @@ nlohmann::ordered_json axis_json(const FitReport::Sensor& sensor, int axis, bool
   json["condition"] = fit.condition;
   json["chi_square"] = fit.chi_square;
   json["degrees_of_freedom"] = fit.degrees;
+  json["error_factor"] = fit.error_factor;
   return json;
 }
 

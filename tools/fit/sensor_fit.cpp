@@ -68,6 +68,49 @@ MatrixXd design(const std::vector<DwellMean>& dwells, int axis, bool has_g_sensi
   return all;
 }
 
+MatrixXd scaled(const MatrixXd& whitened, const std::vector<Index>& terms) {
+  MatrixXd all = whitened(Eigen::all, terms);
+  all.colwise().normalize();
+  return all;
+}
+
+// Terms of which the dwells determine the shown ones. A term is hidden if a combination of terms without effect
+// contains it: the singular value of the combination is at most `no_effect` of the largest one.
+struct Observability {
+  std::vector<Index> shown, hidden;
+  std::size_t rank = 0;
+};
+
+Observability observability(const MatrixXd& whitened, const std::vector<Index>& terms, double no_effect) {
+  constexpr double part = 1e-4;
+  Observability result;
+  if (terms.empty()) return result;
+  const MatrixXd all = scaled(whitened, terms);
+  const Eigen::JacobiSVD<MatrixXd> svd(all, Eigen::ComputeFullV);
+  VectorXd singular = VectorXd::Zero(all.cols());
+  singular.head(svd.singularValues().size()) = svd.singularValues();
+  for (Index t = 0; t < all.cols(); ++t) {
+    bool is_hidden = false;
+    for (Index k = 0; k < all.cols(); ++k)
+      is_hidden = is_hidden || (singular[k] <= no_effect * singular[0] && std::abs(svd.matrixV()(t, k)) > part);
+    (is_hidden ? result.hidden : result.shown).push_back(terms[static_cast<std::size_t>(t)]);
+  }
+  result.rank = static_cast<std::size_t>((singular.array() > no_effect * singular[0]).count());
+  return result;
+}
+
+// Returns the observability of the terms. A change with temperature that hides another term, or leaves little of the
+// term, is omitted: where all turns are at one temperature, the scale factor at this temperature is known, and its
+// change is not.
+Observability observability_of_model(const MatrixXd& whitened, std::vector<Index> terms) {
+  constexpr double by_rounding = 1e-7, nearly = 1e-3;
+  for (const Index change : {8, 7}) {
+    const std::vector<Index> hidden = observability(whitened, terms, nearly).hidden;
+    if (std::ranges::count(hidden, change) > 0 && hidden.front() < 7) std::erase(terms, change);
+  }
+  return observability(whitened, terms, by_rounding);
+}
+
 AxisFit fit_axis(const std::vector<DwellMean>& dwells, int axis, const AllanTerms& noise,
                  const FixtureErrors& fixture, bool has_g_sensitivity) {
   AxisFit fit;
@@ -82,52 +125,33 @@ AxisFit fit_axis(const std::vector<DwellMean>& dwells, int axis, const AllanTerm
   for (Index t = 0; t < whitened.cols(); ++t)
     if (whitened.col(t).norm() > 0) varied.push_back(t);
   fit.wanted = varied.size();
-  const auto scaled = [&](const std::vector<Index>& columns) {
-    MatrixXd all = whitened(Eigen::all, columns);
-    all.colwise().normalize();
-    return all;
-  };
-  // A term is hidden if a combination of terms without effect contains it.
-  constexpr double no_effect = 1e-7, part = 1e-4;
-  const MatrixXd all = scaled(varied);
-  const Eigen::JacobiSVD<MatrixXd> svd(all, Eigen::ComputeFullV);
-  std::vector<Index> shown;
-  VectorXd singular = VectorXd::Zero(all.cols());
-  singular.head(svd.singularValues().size()) = svd.singularValues();
-  for (Index t = 0; t < all.cols(); ++t) {
-    bool is_hidden = false;
-    for (Index k = 0; k < all.cols(); ++k)
-      is_hidden = is_hidden || (singular[k] <= no_effect * singular[0] && std::abs(svd.matrixV()(t, k)) > part);
-    if (!is_hidden) shown.push_back(varied[static_cast<std::size_t>(t)]);
-  }
-  fit.rank = static_cast<std::size_t>((singular.array() > no_effect * singular[0]).count());
+  const auto [shown, hidden, rank] = observability_of_model(whitened, varied);
+  fit.rank = rank;
   if (shown.empty()) return fit;
 
   VectorXd rest = means;
   for (std::size_t t = 0; t < fit_terms; ++t) rest -= fit.parameters[t].value * terms.col(static_cast<Index>(t));
   rest = root.matrixL().solve(rest);
-  const MatrixXd x = scaled(shown);
+  const MatrixXd x = scaled(whitened, shown);
   const Eigen::JacobiSVD<MatrixXd> solved(x, Eigen::ComputeThinU | Eigen::ComputeThinV);
   const VectorXd steps = solved.solve(rest);
   const VectorXd& s = solved.singularValues();
   fit.condition = s[0] / s[s.size() - 1];
   fit.chi_square = (rest - x * steps).squaredNorm();
   fit.degrees = dwells.size() - shown.size();
-  double growth = 1;
   if (fit.degrees > 0) {
     const boost::math::chi_squared distribution(static_cast<double>(fit.degrees));
     if (cdf(complement(distribution, fit.chi_square)) < 1e-3)
-      growth = fit.chi_square / static_cast<double>(fit.degrees);
+      fit.error_factor = std::sqrt(fit.chi_square / static_cast<double>(fit.degrees));
   }
   for (Index k = 0; k < x.cols(); ++k) {
     const Index term = shown[static_cast<std::size_t>(k)];
     const double length = whitened.col(term).norm();
     AxisFit::Parameter& parameter = fit.parameters[static_cast<std::size_t>(term)];
     parameter.value += steps[k] / length;
-    const double variance =
-        growth * (solved.matrixV().row(k).array() / s.transpose().array()).square().sum() / (length * length);
+    const double error = fit.error_factor * (solved.matrixV().row(k).array() / s.transpose().array()).matrix().norm();
     const double scale = term >= 1 && term <= 3 ? fixture.scale * parameter.value : 0;
-    parameter.sigma = std::sqrt(variance + scale * scale);
+    parameter.sigma = std::hypot(error / length, scale);
   }
   return fit;
 }

@@ -44,13 +44,15 @@ struct AxisFit {
   double condition = 0;              // of the fitted terms, each scaled to length 1; 0: none was fitted
   double chi_square = 0;             // of the residuals
   std::size_t degrees = 0;           // of freedom
+  double error_factor = 1;  // by which the standard errors were enlarged; 1: the noise explains the residuals
 
   const Parameter& operator[](FitTerm term) const noexcept { return parameters[static_cast<std::size_t>(term)]; }
 };
 
 // Fits each axis by generalised least squares: the dwells' means share the flicker noise and the random walk of
 // `noise`, whose covariance follows from their times. A term that a combination of other terms hides, or that no
-// dwell varies, is not fitted. If the residuals are larger than the standard errors explain, with a probability
+// dwell varies, is not fitted; a change with temperature that would hide a term without temperature is not fitted,
+// and taken as 0. If the residuals are larger than the standard errors explain, with a probability
 // below 1e-3, the standard errors are enlarged accordingly.
 std::array<AxisFit, 3> fit_sensor(const std::vector<DwellMean>& dwells, const std::array<AllanTerms, 3>& noise,
                                   const FixtureErrors& fixture, bool has_g_sensitivity);
