@@ -3,6 +3,7 @@
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <poll.h>
+#include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -12,7 +13,9 @@
 #include <filesystem>
 #include <fstream>
 #include <system_error>
+#include <utility>
 
+#include "transports/file/file_lock.hpp"
 #include "transports/file/output_path.hpp"
 
 namespace imud {
@@ -31,12 +34,21 @@ FileDescriptor open_to_write(const std::string& path, int flags) {
   return file;
 }
 
+bool lock_output(const FileDescriptor& file, const std::string& path) noexcept {
+  return is_standard_output(path) || lock_file(file.get());
+}
+
+[[noreturn]] void fail_locked(const std::string& path) {
+  throw OpenError(fmt::format("{}: is written by another process; give another file", path));
+}
+
 }  // namespace
 
 TextFile::TextFile(const std::string& path) : path_(path) {
   if (path.empty()) return;
   file_ = path == "-" ? FileDescriptor(::fcntl(STDOUT_FILENO, F_DUPFD_CLOEXEC, 0)) : open_to_write(path, 0);
   if (!file_) fail<OpenError>(path_);
+  if (!lock_output(file_, path)) fail_locked(path);
 }
 
 TextFile TextFile::standard_error() {
@@ -77,7 +89,10 @@ void TextFile::replace(std::string_view text) {
 
 void TextFile::reopen() {
   if (path_.empty() || path_ == "-") return;
-  file_ = open_to_write(path_, O_APPEND);
+  FileDescriptor next = open_to_write(path_, O_APPEND);
+  if (file_ && is_regular()) ::flock(file_.get(), LOCK_UN);  // it may be the same file
+  if (!lock_output(next, path_)) fail_locked(path_);
+  file_ = std::move(next);
 }
 
 std::string read_whole(const std::string& path) {

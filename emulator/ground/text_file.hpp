@@ -17,7 +17,8 @@ struct OpenError : std::runtime_error {
 class TextFile {
  public:
   TextFile() = default;  // writes nothing
-  // Opens `path`, whose content stays until replace(). "-" is standard output; "": no output. Throws OpenError.
+  // Opens `path`, whose content stays until replace(), and locks a regular file until it is closed. "-" is standard
+  // output; "": no output. Throws OpenError, also if another process has locked the file.
   explicit TextFile(const std::string& path);
   static TextFile standard_error();
 
@@ -32,8 +33,10 @@ class TextFile {
   bool is_regular() const noexcept;
   // Replaces the content of a regular file, which is never empty meanwhile; writes to anything else as write() does.
   void replace(std::string_view text);
-  // Opens the file again; creates it if it was renamed or removed. Its content stays. Throws OpenError. Standard
-  // streams stay as they are.
+  // Closes the file; then write() writes nothing.
+  void close() noexcept { file_.reset(); }
+  // Opens the file again, also after close(); creates it if it was renamed or removed. Its content stays. Throws
+  // OpenError. Standard streams stay as they are.
   void reopen();
 
  private:

@@ -124,12 +124,12 @@ void Monitor::write_quality(const Summary& all) {
   } catch (const std::runtime_error& error) {
     quality_error_ = error.what();
     spdlog::error("{}", quality_error_);
-    quality_ = {};
+    quality_.close();
   }
 }
 
 void Monitor::reopen() {
-  if (!quality_.is_open()) return;
+  if (options_.quality_file.empty()) return;
   try {
     quality_.reopen();
     spdlog::info("SIGHUP: the file of the figures is opened again");

@@ -5,8 +5,12 @@
 #include <spdlog/spdlog.h>
 
 #include <array>
+#include <chrono>
+#include <filesystem>
 #include <memory>
+#include <optional>
 #include <sstream>
+#include <thread>
 
 #include "emulator/config/load_config.hpp"
 #include "tests/emulator/run/run_test.hpp"
@@ -303,6 +307,44 @@ TEST_F(MonitorTest, TheQualityFileEndsWithTheRun) {
 
 TEST_F(MonitorTest, AQualityFileThatCannotBeWrittenIsAnError) {
   EXPECT_THROW(monitor({.log_every_s = 0, .quality_file = path("no/such/folder")}), std::runtime_error);
+}
+
+// A write fails, which ends the output; the file is whole again, and rotated.
+TEST_F(MonitorTest, AfterAFailedWriteTheQualityFileIsOpenedAgain) {
+  std::filesystem::create_symlink("/dev/full", path("quality.jsonl"));
+  Monitor monitor = this->monitor({.log_every_s = 0, .quality_file = path("quality.jsonl")});
+  for (const HostTime begin = host_now(); monitor.quality_error().empty();) {
+    ASSERT_LT(seconds(host_now() - begin), 60);
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+    monitor.update();
+  }
+  std::filesystem::remove(path("quality.jsonl"));
+  monitor.reopen();
+  monitor.finish({});
+  EXPECT_EQ(lines_of(read_file(path("quality.jsonl"))).size(), 1U);
+}
+
+TEST_F(MonitorTest, TwoProcessesDoNotWriteOneFile) {
+  std::optional<TextFile> one(path("figures"));
+  const auto fault = [&] {
+    try {
+      TextFile another(path("figures"));
+      return std::string();
+    } catch (const OpenError& error) {
+      return std::string(error.what());
+    }
+  };
+  EXPECT_EQ(fault(), path("figures") + ": is written by another process; give another file");
+  one->reopen();  // the same file
+  EXPECT_NE(fault(), "");
+  std::filesystem::rename(path("figures"), path("figures.1"));
+  EXPECT_EQ(fault(), "") << "a new file of that name";
+  {
+    const TextFile another(path("figures"));
+    EXPECT_THROW(one->reopen(), OpenError);
+  }
+  one.reset();
+  EXPECT_EQ(fault(), "");
 }
 
 }  // namespace

@@ -98,9 +98,16 @@ TEST_F(OldResults, OfARunInProgressStay) {
     return result.errors;
   };
   const std::string other_truth = "truth.port=udp:127.0.0.1:0", other_out = "imu.0.port=file:" + path("out2");
-  EXPECT_NE(refused({}, path("record")).find(taken), std::string::npos);
-  EXPECT_NE(refused({"--set", other_truth}, path("record")).find(taken), std::string::npos);
+  EXPECT_NE(refused({}, path("summary.json")).find(taken), std::string::npos);
   const std::vector<std::string> no_record = {"run", path("config.toml"), "--set", other_truth};
+  for (const char* option : {"record", "summary.json", "labels", "junit"}) {
+    const std::string name = option;
+    std::vector<std::string> one = no_record;
+    one.insert(one.end(), {"--set", other_out, "--" + name.substr(0, name.find('.')), path(name)});
+    const ProgramResult result = run_program("imud", one);
+    EXPECT_EQ(result.exit_code, 2) << option;
+    EXPECT_NE(result.errors.find(path(name) + ": " + taken), std::string::npos) << result.errors;
+  }
   const ProgramResult same_out = run_program("imud", no_record);
   EXPECT_EQ(same_out.exit_code, 2);
   EXPECT_NE(same_out.errors.find(path("out") + ": " + taken), std::string::npos) << same_out.errors;
