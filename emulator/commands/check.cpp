@@ -15,8 +15,10 @@
 #include "emulator/config/line_load.hpp"
 #include "emulator/config/presets.hpp"
 #include "emulator/control/running_keys.hpp"
+#include "emulator/control/token.hpp"
 #include "emulator/drive/assembly.hpp"
 #include "emulator/ground/error_text.hpp"
+#include "emulator/ground/text_file.hpp"
 #include "emulator/plan/config.hpp"
 #include "emulator/report/clock_watch.hpp"
 #include "emulator/report/outcome.hpp"
@@ -227,6 +229,16 @@ int print_faults(const std::string& path, const std::vector<std::string>& faults
   return 2;
 }
 
+// Returns the error of a file with a token; empty if it is good, or if there is none.
+std::string token_fault(const std::string& file) {
+  try {
+    if (!file.empty()) Token::read_secret(file);
+    return {};
+  } catch (const OpenError& error) {
+    return error.what();
+  }
+}
+
 }  // namespace
 
 int check(const std::string& path, std::span<const std::string> overrides, const CheckOptions& options) {
@@ -240,6 +252,9 @@ int check(const std::string& path, std::span<const std::string> overrides, const
     config.warnings.insert(config.warnings.end(), findings.warnings.begin(), findings.warnings.end());
     if (epoch_of(config) != Epoch::none)
       if (const std::string fault = epoch_fault(config.realtime, read_clock_state()); !fault.empty())
+        config.warnings.push_back("imud run does not begin: " + fault);
+    for (const std::string& file : {config.control.token_file, config.web.token_file})
+      if (const std::string fault = token_fault(file); !fault.empty())
         config.warnings.push_back("imud run does not begin: " + fault);
     if (options.layout == CheckLayout::text) print_text(path, config);
     if (options.layout == CheckLayout::toml) fmt::print("{}", config.resolved());

@@ -61,18 +61,21 @@ ExpectConfig read_expect(TableReader& table, std::size_t index, const std::vecto
   expect.pattern = read_host_bytes(table);
   if (expect.what == ExpectConfig::What::host_reopens && !expect.pattern.empty())
     table.fault("what", "\"host_reopens\" is not about bytes; omit text and hex");
-  const auto number_of = [&](std::string_view key) -> std::optional<std::size_t> {
-    if (!table.has(key)) return std::nullopt;
-    const std::string name = table.text(key, "");
-    for (std::size_t i = 0; i < faults.size(); ++i)
-      if (faults[i].name == name && (faults[i].kind == nullptr || faults[i].acts_on(expect.imu))) return i;
-    table.fault(key, fmt::format("no fault \"{}\" acts on {}", name, expect.imu));
-    return std::nullopt;
+  const auto read_fault = [&](std::string_view key) {
+    if (!table.has(key)) return;
+    expect.fault_name = table.text(key, "");
+    const auto found = std::ranges::find_if(faults, [&](const FaultConfig& fault) {
+      return fault.name == expect.fault_name && (fault.kind == nullptr || fault.acts_on(expect.imu));
+    });
+    if (found == faults.end())
+      table.fault(key, fmt::format("no fault \"{}\" acts on {}", expect.fault_name, expect.imu));
+    else
+      expect.fault = static_cast<std::size_t>(found - faults.begin());
   };
   if (int{table.has("after")} + int{table.has("after_end_of")} + int{table.has("at_s")} > 1)
     table.fault("after", "give one of after, after_end_of and at_s");
   expect.after_end = table.has("after_end_of");
-  expect.fault = number_of(expect.after_end ? "after_end_of" : "after");
+  read_fault(expect.after_end ? "after_end_of" : "after");
   constexpr double longest_s = 1e9;
   if (!expect.fault || table.has("at_s")) expect.at_s = table.real("at_s", 0, 0, longest_s);
   require(table, "within_s", "the length of the time, in seconds");

@@ -317,6 +317,8 @@ ImuConfig read_imu(TableReader& table, std::size_t index, const TruthConfig& tru
   imu.name = name_in(table, fmt::format("imu{}", index + 1));
   if (imu.name.find_first_of(",<>=/") != imu.name.npos)
     table.fault("name", "has one of , < > = /, which --require and file names cannot have; give another name");
+  if (imu.name == "*" || (!imu.name.empty() && imu.name.find_first_not_of("0123456789") == imu.name.npos))
+    table.fault("name", "a number or * selects imus of a list, as in --set imu.0.rate_hz=100; give another name");
   for (const std::string_view other : {"truth.", "record.", "control.", "clock."})
     if ((imu.name + ".").starts_with(other))
       table.fault("name", fmt::format("--require has other figures that begin with {}; give another name", other));

@@ -19,7 +19,7 @@ std::string ExpectConfig::text() const {
       break;
   }
   if (!fault) return text + fmt::format(", from {:g} s", at_s);
-  return text + fmt::format(", from the {} of fault {}", after_end ? "end" : "begin", *fault + 1);
+  return text + fmt::format(", from the {} of fault {}", after_end ? "end" : "begin", fault_name);
 }
 
 }  // namespace imud

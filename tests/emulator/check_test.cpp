@@ -134,6 +134,29 @@ TEST_F(CheckTest, NamesTheEpochAndWhatItLacks) {
   EXPECT_EQ(utc["warnings"].empty(), epoch_fault(realtime, read_clock_state()).empty()) << utc["warnings"];
 }
 
+// A file with a secret need not be on the machine that checks: a warning, not a fault.
+TEST_F(CheckTest, ATokenFileThatARunRefusesIsAWarning) {
+  const std::string c = write("live.toml", minimal(*find_protocol("native"))), token = write("token", "short\n");
+  std::filesystem::permissions(token, std::filesystem::perms::owner_read);
+  for (const std::string listen : {"control.listen=127.0.0.1:7700", "web.listen=127.0.0.1:8080"}) {
+    const std::string key = listen.substr(0, listen.find('.')) + ".token_file=";
+    const auto warnings = [&](const std::string& file) {
+      return nlohmann::json::parse(
+          run_program("imud", {"check", c, "--json", "--set", listen, "--set", key + file}).output)["warnings"];
+    };
+    EXPECT_EQ(warnings(path("none")),
+              nlohmann::json::array({"imud run does not begin: " + path("none") + ": the token cannot be read"}));
+    ASSERT_EQ(warnings(token).size(), 1U);
+    EXPECT_TRUE(contains(warnings(token)[0].get<std::string>(), "must have at least 16 characters"));
+  }
+  const std::string good = write("good", "0123456789abcdef\n");
+  std::filesystem::permissions(good, std::filesystem::perms::owner_read);
+  EXPECT_TRUE(nlohmann::json::parse(run_program("imud", {"check", c, "--json", "--set", "web.listen=127.0.0.1:8080",
+                                                         "--set", "web.token_file=" + good})
+                                        .output)["warnings"]
+                  .empty());
+}
+
 TEST_F(CheckTest, TheResolvedConfigurationGivesTheSameBytes) {
   const ProgramResult made = run_program("imu-truth", {"spiral", "--csv", path("truth.csv"), "--for", "1"});
   ASSERT_EQ(made.exit_code, 0) << made.errors;
@@ -220,6 +243,8 @@ TEST_F(CheckTest, WhatCannotRunAsItIsMeantIsAFault) {
       {native, {"clock=lockstep", "truth.delay_ms=auto"}, "truth.delay_ms"},
       {stim, {"imu.0.device.sample_rate=2000", "imu.0.device.bit_rate=374400"}, "imu.0.device.sample_rate"},
       {stim, {"imu.0.device.bit_rate=9600"}, "imu.0.device.bit_rate"},
+      {native, {"imu.0.name=\"*\""}, "imu.0.name"},
+      {native, {"imu.0.name=\"1\""}, "imu.0.name"},
   };
   for (const Case& wrong : cases) {
     SCOPED_TRACE(fmt::format("{} of {}", fmt::join(wrong.overrides, " "), wrong.text));

@@ -56,6 +56,7 @@ TEST_F(ExpectationsTest, BytesWithinATime) {
   const std::string pattern = "\x01\x01\x02";
   const auto at = [&](int sample, const std::string& bytes) { return results(reset, {{sample, bytes}}).at(0); };
   EXPECT_TRUE(at(350, pattern).holds);
+  EXPECT_TRUE(at(350, pattern).text.ends_with(", from the begin of fault stuck gyro")) << at(350, pattern).text;
   EXPECT_TRUE(contains(at(350, pattern).seen, "sent 1.5 s after the begin of its time, at 3.5 s"));
   EXPECT_TRUE(at(350, "\x01" + pattern).holds) << "a pattern may begin within what looked like it";
   EXPECT_TRUE(at(400, pattern).holds);
