@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 
 #include "emulator/control/running_keys.hpp"
 #include "emulator/ground/table_reader.hpp"
@@ -53,7 +54,12 @@ Change set_change(const Json& params, const ChangeContext& context) {
   if (!params.is_object() || params.empty()) throw wrong_params("give the keys with their values");
   Change change;
   for (const auto& [key, value] : params.items()) {
+    const auto before = static_cast<std::ptrdiff_t>(change.commands.size());
     add_commands(change.commands, key, value, context.config);
+    const Command& added = change.commands.back();
+    if (std::any_of(change.commands.begin(), change.commands.begin() + before,
+                    [&](const Command& one) { return one.kind == added.kind && one.imu == added.imu; }))
+      throw wrong_params(fmt::format("{}: another key of this request sets the same value; give one of them", key));
     change.words += fmt::format("{}{} = {}", change.words.empty() ? "set " : ", ", key, json_line(value));
   }
   change.event = {{"event", "set"}, {"values", params}};
@@ -116,6 +122,12 @@ double RpcParams::number(std::string_view name, std::string_view meaning, double
   if (!value.is_number() || !(value.get<double>() >= min && value.get<double>() <= max))
     throw wrong_params(fmt::format("{}: give a number from {} to {}, {}", name, min, max, meaning));
   return value.get<double>();
+}
+
+std::uint32_t RpcParams::whole_number(std::string_view name, std::string_view meaning, double min, double max) {
+  const double value = number(name, meaning, min, max);
+  if (value != std::floor(value)) throw wrong_params(fmt::format("{}: give a whole number, {}", name, meaning));
+  return static_cast<std::uint32_t>(value);
 }
 
 std::string RpcParams::choice(std::string_view name, std::span<const std::string_view> words) {

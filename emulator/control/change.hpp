@@ -61,6 +61,8 @@ class RpcParams {
   const Json& get(std::string_view name, std::string_view meaning);
   std::string text(std::string_view name, std::string_view meaning);
   double number(std::string_view name, std::string_view meaning, double min, double max);
+  // `max` is below 2^32.
+  std::uint32_t whole_number(std::string_view name, std::string_view meaning, double min, double max);
   std::string choice(std::string_view name, std::span<const std::string_view> words);
   // Returns the number of the imu of that name; Command::all_imus if it is absent or "*".
   std::uint16_t imu(const Config& config);

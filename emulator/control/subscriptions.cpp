@@ -137,7 +137,7 @@ Json Subscriptions::subscribe(const Json& request_params, const std::shared_ptr<
   if (has_rate) rate_hz = params.number("rate_hz", "samples a second", 1e-3, 1e6);
   if (params.has("decimate")) {
     if (has_rate) throw wrong_params("give decimate or rate_hz");
-    every = static_cast<std::uint32_t>(params.number("decimate", "of so many samples one", 1, most_decimated));
+    every = params.whole_number("decimate", "of so many samples one", 1, most_decimated);
   }
   params.finish();
   if (client == nullptr)

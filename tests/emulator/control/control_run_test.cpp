@@ -352,6 +352,11 @@ TEST_F(ControlRun, RefusesWhatIsWrongWithClearWords) {
          EXPECT_EQ(message("set", {{"truth.extrapolate", 5}}),
                    "-32602 Invalid params: truth.extrapolate: there is no such key; did you mean "
                    "\"truth.extrapolate_ms\"?");
+         EXPECT_EQ(message("set", {{"imu.imu1.gyro.bias_deg_per_s", 5}, {"imu.imu1.gyro.bias_rad_per_s", 5}}),
+                   "-32602 Invalid params: imu.imu1.gyro.bias_rad_per_s: another key of this request sets the same "
+                   "value; give one of them");
+         EXPECT_EQ(message("subscribe", {{"what", "samples"}, {"decimate", 1.5}}),
+                   "-32602 Invalid params: decimate: give a whole number, of so many samples one");
          EXPECT_EQ(message("set", {{"weather", 5}}),
                    "-32602 Invalid params: weather: there is no such key; imud check CONFIG lists all");
          EXPECT_EQ(message("mark", {{"text", "two\nlines"}}), "-32602 text: give one line of 1 to 120 bytes");
