@@ -1,8 +1,8 @@
 #include "core/requirement.hpp"
 
-#include <charconv>
-#include <cmath>
 #include <utility>
+
+#include "core/numbers/number_text.hpp"
 
 namespace imud {
 namespace {
@@ -39,10 +39,9 @@ Requirement parse_one(std::string_view text) {
     }
   requirement.percent = number.ends_with('%');
   if (requirement.percent) number = trimmed(number.substr(0, number.size() - 1));
-  const auto [end, error] = std::from_chars(number.data(), number.data() + number.size(), requirement.limit);
-  if (number.empty() || error != std::errc{} || end != number.data() + number.size() ||
-      !std::isfinite(requirement.limit))
-    refuse(text, "no number follows the relation");
+  const auto limit = finite_number_in(number);
+  if (!limit) refuse(text, "no number follows the relation");
+  requirement.limit = *limit;
   return requirement;
 }
 

@@ -1,11 +1,12 @@
 #include "protocols/settings.hpp"
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <optional>
 #include <stdexcept>
 #include <type_traits>
+
+#include "core/numbers/number_text.hpp"
 
 namespace imud {
 namespace {
@@ -93,18 +94,7 @@ std::optional<std::int64_t> integer_from(std::string_view text) {
   if (hexadecimal) digits.remove_prefix(2);
   if (digits.empty() || digits.front() == '-') return {};
   const std::string signed_digits = (negative ? "-" : "") + std::string(digits);
-  std::int64_t value = 0;
-  const auto [end, error] = std::from_chars(signed_digits.data(), signed_digits.data() + signed_digits.size(), value,
-                                            hexadecimal ? 16 : 10);
-  if (error != std::errc{} || end != signed_digits.data() + signed_digits.size()) return {};
-  return value;
-}
-
-std::optional<double> real_from(std::string_view text) {
-  double value = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc{} || end != text.data() + text.size()) return {};
-  return value;
+  return number_in<std::int64_t>(signed_digits, hexadecimal ? 16 : 10);
 }
 
 List parse_list(std::string_view text) {
@@ -160,7 +150,7 @@ void Settings::set_text(std::string_view key, std::string_view text) {
                             return text == "true";
                           },
                           [&](std::int64_t) { return parsed(integer_from(text)); },
-                          [&](double) { return parsed(real_from(text)); },
+                          [&](double) { return parsed(number_in<double>(text)); },
                           [&](const std::string&) -> SettingValue { return std::string(text); },
                           [&](const List&) -> SettingValue { return parse_list(text); },
                       },

@@ -5,20 +5,12 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
-#include <charconv>
 #include <vector>
+
+#include "core/numbers/number_text.hpp"
 
 namespace imud {
 namespace {
-
-// Returns the integer that `text` is; nullopt if it is anything else.
-template <class Integer>
-std::optional<Integer> whole_number(std::string_view text) {
-  Integer value = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc{} || end != text.data() + text.size()) return std::nullopt;
-  return value;
-}
 
 std::vector<std::string_view> words(std::string_view text, char separator) {
   std::vector<std::string_view> found;
@@ -67,7 +59,7 @@ PortSpec PortSpec::parse(std::string_view text) {
 std::optional<std::int64_t> PortSpec::integer(std::string_view key, std::int64_t min, std::int64_t max) const {
   const auto option = options.find(key);
   if (option == options.end()) return std::nullopt;
-  const auto value = whole_number<std::int64_t>(option->second);
+  const auto value = number_in<std::int64_t>(option->second);
   if (!value || *value < min || *value > max)
     throw error(fmt::format("{}={}: right would be an integer from {} to {}", key, option->second, min, max));
   return value;
@@ -117,7 +109,7 @@ NumericAddress NumericAddress::parse(std::string_view text) {
   const std::size_t colon = text.rfind(':');
   if (colon == std::string_view::npos) throw wrong("no port");
   NumericAddress result;
-  const auto port = whole_number<std::uint16_t>(text.substr(colon + 1));
+  const auto port = number_in<std::uint16_t>(text.substr(colon + 1));
   if (!port) throw wrong("no port from 0 to 65535");
   result.port = *port;
 

@@ -10,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/numbers/number_text.hpp"
 #include "emulator/campaign/campaign_run.hpp"
 #include "emulator/campaign/case_runner.hpp"
 #include "emulator/ground/host.hpp"
@@ -17,7 +18,6 @@
 #include "emulator/ground/shell_word.hpp"
 #include "emulator/ground/text_file.hpp"
 #include "emulator/seeds/worker_processes.hpp"
-#include "protocols/wire/number_text.hpp"
 
 namespace imud {
 

@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <chrono>
 #include <cmath>
 #include <cstdint>
@@ -13,6 +12,7 @@
 #include <utility>
 
 #include "core/gps_time.hpp"
+#include "core/numbers/number_text.hpp"
 
 namespace imud {
 namespace rinex {  // its names are short ones
@@ -92,11 +92,8 @@ std::optional<double> fortran_number(std::string_view text, double min, double m
   std::string with_e(text);
   for (char& c : with_e)
     if (c == 'D' || c == 'd') c = 'e';
-  double value = 0;
-  const char* const last = with_e.data() + with_e.size();
-  const auto [end, error] = std::from_chars(with_e.data(), last, value);
-  if (error != std::errc() || end != last || !(value >= min && value <= max)) return {};
-  return value;
+  const auto value = number_in<double>(with_e);
+  return value && *value >= min && *value <= max ? value : std::nullopt;
 }
 
 bool is_blank(std::string_view line) { return line.find_first_not_of(" \r") == line.npos; }

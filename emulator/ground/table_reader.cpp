@@ -4,7 +4,6 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
-#include <charconv>
 #include <chrono>
 #include <cmath>
 #include <filesystem>
@@ -14,6 +13,7 @@
 #include <system_error>
 
 #include "core/numbers/nearest.hpp"
+#include "core/numbers/number_text.hpp"
 #include "protocols/quantities/key_units.hpp"
 
 namespace imud {
@@ -147,12 +147,8 @@ std::uint64_t TableReader::unsigned_integer(std::string_view key, std::uint64_t 
   if (const auto* integer = found->as_integer();
       integer != nullptr && integer->get() >= 0 && static_cast<std::uint64_t>(integer->get()) <= max)
     return result(static_cast<std::uint64_t>(integer->get()));
-  if (const auto* text = found->as_string()) {  // for numbers above the largest of TOML
-    std::uint64_t value = 0;
-    const char* end = text->get().data() + text->get().size();
-    const auto [stop, error] = std::from_chars(text->get().data(), end, value);
-    if (error == std::errc{} && stop == end && value <= max) return result(value);
-  }
+  if (const auto* text = found->as_string())  // for numbers above the largest of TOML
+    if (const auto value = number_in<std::uint64_t>(text->get()); value && *value <= max) return result(*value);
   fault(key, fmt::format("give a whole number from 0 to {}{}", max,
                          max > largest_of_toml ? " (in quotes above 9223372036854775807)" : ""));
   return fallback;

@@ -6,13 +6,13 @@
 #include <array>
 #include <bitset>
 #include <cctype>
-#include <charconv>
 #include <cmath>
 #include <sstream>
 #include <stdexcept>
 #include <string_view>
 
 #include "core/gps_time.hpp"
+#include "core/numbers/number_text.hpp"
 
 namespace imud {
 namespace {
@@ -56,13 +56,12 @@ bool begins(std::string_view text, std::string_view lower_case) {
                                                                 [](unsigned char c) { return std::tolower(c); });
 }
 
-double number_in(std::string_view text, const Key& key) {
+double almanac_value(const Key& key, std::string_view text) {
   if (text.starts_with('+')) text.remove_prefix(1);
-  double value = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc() || end != text.data() + text.size() || !(value >= key.min && value <= key.max))
+  const auto value = number_in<double>(text);
+  if (!value || !(*value >= key.min && *value <= key.max))
     throw std::runtime_error(fmt::format("give a number from {} to {}", key.min, key.max));
-  return value;
+  return *value;
 }
 
 AlmanacOrbit orbit_of(const std::array<double, key_count>& values, std::int64_t near_gps_ns) {
@@ -103,7 +102,7 @@ std::vector<AlmanacOrbit> yuma_almanac(const std::string& text, std::int64_t nea
     if (index == id ? read.any() : read[index] || !read[id])
       throw fault(fmt::format("\"{}\" is not where the 13 lines of a satellite have it", name));
     try {
-      values[index] = number_in(trimmed(std::string_view(line).substr(colon + 1)), *key);
+      values[index] = almanac_value(*key, trimmed(std::string_view(line).substr(colon + 1)));
     } catch (const std::runtime_error& error) {
       throw fault(fmt::format("\"{}\": {}", name, error.what()));
     }

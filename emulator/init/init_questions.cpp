@@ -4,13 +4,13 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
-#include <charconv>
 #include <cstdio>
 #include <iostream>
 #include <stdexcept>
 #include <string_view>
 #include <vector>
 
+#include "core/numbers/number_text.hpp"
 #include "emulator/frames/described_protocols.hpp"
 #include "emulator/ground/text_file.hpp"
 #include "emulator/init/found_ports.hpp"
@@ -39,10 +39,8 @@ std::string answer(std::string_view question, const std::vector<Answer>& answers
   const std::size_t begin = line.find_first_not_of(" \t\r");
   line = begin == line.npos ? "" : line.substr(begin, line.find_last_not_of(" \t\r") + 1 - begin);
   if (line.empty()) return initial;
-  std::size_t number = 0;
-  const auto [end, error] = std::from_chars(line.data(), line.data() + line.size(), number);
-  const bool is_number = error == std::errc() && end == line.data() + line.size();
-  return is_number && number >= 1 && number <= answers.size() ? answers[number - 1].value : line;
+  const std::size_t number = number_in<std::size_t>(line).value_or(0);
+  return number >= 1 && number <= answers.size() ? answers[number - 1].value : line;
 }
 
 // Sets `option`, if it is empty, to an answer that `check` does not refuse by an exception, whose text is printed.

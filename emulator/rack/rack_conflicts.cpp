@@ -6,6 +6,7 @@
 #include <optional>
 #include <set>
 
+#include "core/numbers/number_text.hpp"
 #include "core/numbers/random.hpp"
 #include "emulator/config/config_parts.hpp"
 #include "emulator/config/line_load.hpp"
@@ -40,13 +41,13 @@ const toml::node* value_at(const toml::table& table, std::string_view path) {
   while (!path.empty() && node != nullptr) {
     const std::string_view word = path.substr(0, path.find('.'));
     path.remove_prefix(std::min(path.size(), word.size() + 1));
-    if (const toml::table* inner = node->as_table())
+    if (const toml::table* inner = node->as_table()) {
       node = inner->get(word);
-    else if (const toml::array* list = node->as_array();
-             list != nullptr && word.find_first_not_of("0123456789") == word.npos)
-      node = list->get(std::stoul(std::string(word)));
-    else
-      node = nullptr;
+    } else {
+      const toml::array* list = node->as_array();
+      const auto index = number_in<std::size_t>(word);
+      node = list != nullptr && index ? list->get(*index) : nullptr;
+    }
   }
   return node;
 }

@@ -11,6 +11,7 @@
 #include <system_error>
 #include <utility>
 
+#include "core/numbers/number_text.hpp"
 #include "transports/port.hpp"
 
 namespace imud {
@@ -39,16 +40,15 @@ std::map<std::string, Holders> holders_of(const TerminalClients& terminals, cons
   std::error_code error;
   for (fs::directory_iterator entry(proc, error), none; !error && entry != none; entry.increment(error)) {
     const std::string name = entry->path().filename().string();
-    pid_t process = 0;
-    const auto [end, fault] = std::from_chars(name.data(), name.data() + name.size(), process);
-    if (fault != std::errc() || end != name.data() + name.size()) continue;
+    const auto process = number_in<pid_t>(name);
+    if (!process) continue;
     std::error_code unreadable;
     for (fs::directory_iterator fd(entry->path() / "fd", unreadable); !unreadable && fd != none;
          fd.increment(unreadable)) {
       const fs::path file = fs::read_symlink(fd->path(), unreadable);
-      if (unreadable || !terminals.contains(file.native()) || holders[file.native()].contains(process)) continue;
-      if (TerminalClient client = process_of(proc, process); !client.name.empty())
-        holders[file.native()].emplace(process, std::move(client));
+      if (unreadable || !terminals.contains(file.native()) || holders[file.native()].contains(*process)) continue;
+      if (TerminalClient client = process_of(proc, *process); !client.name.empty())
+        holders[file.native()].emplace(*process, std::move(client));
     }
   }
   return holders;

@@ -3,10 +3,10 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
-#include <charconv>
+#include <algorithm>
 #include <cstdlib>
-#include <string_view>
 
+#include "core/numbers/number_text.hpp"
 #include "emulator/run/readiness.hpp"
 
 namespace imud {
@@ -18,10 +18,7 @@ std::chrono::microseconds watchdog_time() {
   const char* const time = std::getenv("WATCHDOG_USEC");
   const char* const process = std::getenv("WATCHDOG_PID");  // left out: of any process
   if (time == nullptr || (process != nullptr && fmt::to_string(::getpid()) != process)) return {};
-  const std::string_view text = time;
-  std::int64_t us = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), us);
-  return std::chrono::microseconds(error == std::errc() && end == text.data() + text.size() && us > 0 ? us : 0);
+  return std::chrono::microseconds(std::max<std::int64_t>(0, number_in<std::int64_t>(time).value_or(0)));
 }
 
 }  // namespace

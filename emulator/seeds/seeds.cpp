@@ -14,6 +14,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/numbers/number_text.hpp"
 #include "emulator/config/scenario.hpp"
 #include "emulator/engine/closing.hpp"
 #include "emulator/faults/fault_labels.hpp"
@@ -27,7 +28,6 @@
 #include "emulator/seeds/seed_run.hpp"
 #include "emulator/seeds/worker_processes.hpp"
 #include "emulator/truth/remark_text.hpp"
-#include "protocols/wire/number_text.hpp"
 #include "transports/host_clock.hpp"
 
 namespace imud {

@@ -12,7 +12,6 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
-#include <charconv>
 #include <csignal>
 #include <cstring>
 #include <limits>
@@ -24,6 +23,7 @@
 #include <string_view>
 #include <vector>
 
+#include "core/numbers/number_text.hpp"
 #include "transports/file/output_path.hpp"
 #include "transports/file_descriptor.hpp"
 
@@ -184,8 +184,7 @@ class Workers {
         if (failure_.empty()) failure_ = line.substr(blank + 1);
         continue;
       }
-      std::size_t item = 0;
-      std::from_chars(line.data(), line.data() + blank, item);
+      const std::size_t item = number_in<std::size_t>(line.substr(0, blank)).value_or(0);
       worker.done = item;
       workers_.take(item, std::string(line.substr(blank + 1)));
     }

@@ -3,8 +3,8 @@
 #include <stdexcept>
 #include <string>
 
+#include "core/numbers/number_text.hpp"
 #include "core/units.hpp"
-#include "protocols/wire/number_text.hpp"
 
 namespace imud::dronecan {
 namespace {

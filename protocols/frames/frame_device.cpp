@@ -5,9 +5,9 @@
 #include <utility>
 
 #include "core/attitude.hpp"
+#include "core/numbers/number_text.hpp"
 #include "protocols/frames/layout/frame_layout.hpp"
 #include "protocols/frames/text/text_layout.hpp"
-#include "protocols/wire/number_text.hpp"
 
 namespace imud {
 namespace {

@@ -5,8 +5,8 @@
 #include <concepts>
 #include <limits>
 
+#include "core/numbers/number_text.hpp"
 #include "protocols/quantities/columns.hpp"
-#include "protocols/wire/number_text.hpp"
 
 namespace imud {
 namespace {

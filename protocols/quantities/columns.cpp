@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-#include "protocols/wire/number_text.hpp"
+#include "core/numbers/number_text.hpp"
 
 namespace imud {
 namespace {

@@ -7,7 +7,7 @@
 #include <limits>
 #include <stdexcept>
 
-#include "protocols/wire/number_text.hpp"
+#include "core/numbers/number_text.hpp"
 
 namespace imud {
 namespace {
@@ -47,8 +47,8 @@ void PackedLayout::add(std::string_view text) {
     Field field;
     const std::size_t star = type_name.find('*');
     if (star != type_name.npos) {
-      const auto scale = number_in<double>(type_name.substr(star + 1));
-      if (!scale || !std::isfinite(*scale) || *scale == 0) refuse(text, "the scale must be a number, as in i32*1e-7");
+      const auto scale = finite_number_in(type_name.substr(star + 1));
+      if (!scale || *scale == 0) refuse(text, "the scale must be a number, as in i32*1e-7");
       field.scale = *scale;
       type_name = type_name.substr(0, star);
     }

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <functional>
 
+#include "core/numbers/number_text.hpp"
 #include "protocols/quantities/columns.hpp"
 #include "protocols/quantities/key_units.hpp"
 
@@ -170,15 +171,15 @@ std::optional<std::int64_t> decimal_ns(std::string_view text, int exponent) noex
   std::string_view whole = text.substr(0, point), fraction = point == text.npos ? "" : text.substr(point + 1);
   const auto is_digits = [](std::string_view s) { return s.find_first_not_of("0123456789") == s.npos; };
   if ((whole.empty() && fraction.empty()) || !is_digits(whole) || !is_digits(fraction)) return std::nullopt;
-  std::int64_t high = 0, low = 0;
-  if (!whole.empty() && std::from_chars(whole.data(), whole.data() + whole.size(), high).ec != std::errc{})
-    return std::nullopt;
+  const auto high = number_in<std::int64_t>(whole.empty() ? "0" : whole);
+  if (!high) return std::nullopt;
   const auto digits = static_cast<std::size_t>(exponent);  // up to 1 ns
   const bool is_rounded_up = fraction.size() > digits && fraction[digits] >= '5';
   fraction = fraction.substr(0, digits);
-  if (!fraction.empty()) std::from_chars(fraction.data(), fraction.data() + fraction.size(), low);
-  low = low * powers_of_ten[exponent - static_cast<int>(fraction.size())] + (is_rounded_up ? 1 : 0);
-  const auto ns = scaled(high, exponent);
+  const std::int64_t low =
+      number_in<std::int64_t>(fraction).value_or(0) * powers_of_ten[exponent - static_cast<int>(fraction.size())] +
+      (is_rounded_up ? 1 : 0);
+  const auto ns = scaled(*high, exponent);
   std::int64_t sum = 0;
   if (!ns || __builtin_add_overflow(*ns, low, &sum)) return std::nullopt;
   return negative ? -sum : sum;

@@ -8,7 +8,7 @@
 #include <stdexcept>
 #include <utility>
 
-#include "protocols/wire/number_text.hpp"
+#include "core/numbers/number_text.hpp"
 
 namespace imud {
 namespace {

@@ -5,7 +5,7 @@
 #include <stdexcept>
 #include <string>
 
-#include "protocols/wire/number_text.hpp"
+#include "core/numbers/number_text.hpp"
 
 namespace imud {
 namespace {

@@ -1,30 +1,20 @@
 #include "protocols/signals/signal_source.hpp"
 
-#include <cmath>
-
-#include "protocols/wire/number_text.hpp"
+#include "core/numbers/number_text.hpp"
 
 namespace imud {
-namespace {
-
-std::optional<double> finite_in(std::string_view text) noexcept {
-  const auto number = number_in<double>(text);
-  return number && std::isfinite(*number) ? number : std::nullopt;
-}
-
-}  // namespace
 
 std::optional<SignalSource> parse_signal_source(std::string_view text) noexcept {
   using enum SignalSource::Form;
   SignalSource source;
-  if (const auto constant_number = finite_in(text)) {
+  if (const auto constant_number = finite_number_in(text)) {
     source.form = constant;
     source.constant = *constant_number;
     return source;
   }
   constexpr std::string_view abs = "abs(", sign_of = "sign(";
   if (const std::size_t percent = text.find('%'); percent != std::string_view::npos) {
-    const auto modulus = finite_in(text.substr(percent + 1));
+    const auto modulus = finite_number_in(text.substr(percent + 1));
     if (!modulus || *modulus <= 0) return std::nullopt;
     source.form = remainder;
     source.modulus = *modulus;

@@ -81,10 +81,10 @@ class Service::Menu {
       print_reference(text_, memory_);
       return none;
     }
-    const auto offset = number_in<double>(parameters_[0]);
+    const auto offset = finite_number_in(parameters_[0]);
     const auto sensor = count_ > 1 ? index(parameters_[1], sensors) : 3;
     const auto axis = count_ > 2 ? index(parameters_[2], axes) : 3;
-    if (!offset || !std::isfinite(*offset) || !sensor || !axis) return bad_parameter;
+    if (!offset || !sensor || !axis) return bad_parameter;
     bool as_wanted = true;
     text_.line("BIAS TRIM OFFSET:");
     for (const Cluster cluster : clusters) {

@@ -11,10 +11,10 @@
 
 #include "core/frame.hpp"
 #include "core/numbers/lanes.hpp"
+#include "core/numbers/number_text.hpp"
 #include "core/time.hpp"
 #include "core/uart.hpp"
 #include "core/vector.hpp"
-#include "protocols/wire/number_text.hpp"
 
 namespace imud::stim300 {
 

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <boost/crc.hpp>
 #include <charconv>
-#include <cmath>
 #include <optional>
 #include <span>
 
@@ -265,10 +264,10 @@ class Command {
 
   unsigned set_trim() noexcept {
     if (parameters_.empty() || parameters_.size() > 3) return bad_count;
-    const auto offset = number_in<double>(parameters_[0]);
+    const auto offset = finite_number_in(parameters_[0]);
     const auto cluster = parameters_.size() > 1 ? index(parameters_[1], "gai") : std::optional<unsigned>(3);
     const auto axis = parameters_.size() > 2 ? index(parameters_[2], axes) : std::optional<unsigned>(3);
-    if (!offset || !std::isfinite(*offset) || !cluster || !axis) return bad_parameter;
+    if (!offset || !cluster || !axis) return bad_parameter;
     bool as_wanted = true;
     for (const Cluster one : clusters)
       for (unsigned i = 0; i < 3; ++i)
@@ -281,8 +280,8 @@ class Command {
     if (has_wrong_count(9)) return bad_count;
     std::array<double, 9> by;
     for (std::size_t i = 0; i < by.size(); ++i) {
-      const auto number = number_in<double>(parameters_[i]);
-      if (!number || !std::isfinite(*number)) return bad_parameter;
+      const auto number = finite_number_in(parameters_[i]);
+      if (!number) return bad_parameter;
       by[i] = *number;
     }
     bool as_wanted = true;

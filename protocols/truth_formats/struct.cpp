@@ -9,9 +9,9 @@
 #include <stdexcept>
 #include <vector>
 
+#include "core/numbers/number_text.hpp"
 #include "protocols/quantities/packed_truth.hpp"
 #include "protocols/wire/crc32c.hpp"
-#include "protocols/wire/number_text.hpp"
 #include "protocols/wire/record_search.hpp"
 
 namespace imud {

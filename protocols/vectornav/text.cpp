@@ -86,8 +86,7 @@ Words::Words(std::string_view text) noexcept {
 
 std::optional<double> real_in(std::string_view text) noexcept {
   if (text.starts_with('+')) text.remove_prefix(1);
-  const auto number = number_in<double>(text);
-  return number && std::isfinite(*number) ? number : std::nullopt;
+  return finite_number_in(text);
 }
 
 Message& Message::put(std::string_view text) noexcept {

@@ -21,12 +21,12 @@
 
 #include "core/frame.hpp"
 #include "core/numbers/lanes.hpp"
+#include "core/numbers/number_text.hpp"
 #include "core/numbers/plus_zero.hpp"
 #include "core/sample.hpp"
 #include "protocols/protocol.hpp"
 #include "protocols/vectornav/sync_pins.hpp"
 #include "protocols/wire/frame_writer.hpp"
-#include "protocols/wire/number_text.hpp"
 
 namespace imud::vectornav {
 

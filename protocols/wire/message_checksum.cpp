@@ -5,7 +5,7 @@
 #include <functional>
 #include <initializer_list>
 
-#include "protocols/wire/number_text.hpp"
+#include "core/numbers/number_text.hpp"
 
 namespace imud {
 namespace {

@@ -9,6 +9,7 @@
 #include <stdexcept>
 #include <string_view>
 
+#include "core/numbers/number_text.hpp"
 #include "emulator/campaign/shards/wilson.hpp"
 #include "protocols/wire/csv_field.hpp"
 #include "tools/campaign/campaign_report.hpp"
@@ -37,7 +38,7 @@ Scale scale_of(const Axis& axis) {
     throw std::runtime_error(fmt::format("--plot: {} has more than {} values", axis.name, most_places));
   Scale scale{axis, order_of(axis), {}};
   for (const std::size_t value : scale.order) {
-    const std::optional<double> number = number_of(axis.values[value]);
+    const std::optional<double> number = finite_number_in(axis.values[value]);
     scale.is_number = scale.is_number && number.has_value();
     scale.places.push_back(number.value_or(0));
   }

@@ -12,6 +12,7 @@
 #include <numeric>
 #include <optional>
 
+#include "core/numbers/number_text.hpp"
 #include "emulator/campaign/shards/wilson.hpp"
 
 namespace imud {
@@ -161,7 +162,7 @@ std::vector<std::size_t> order_of(const CaseStatistics::Axis& axis) {
   std::iota(order.begin(), order.end(), 0U);
   std::vector<double> numbers;
   for (const std::string& value : axis.values)
-    if (const auto number = number_of(value)) numbers.push_back(*number);
+    if (const auto number = finite_number_in(value)) numbers.push_back(*number);
   if (numbers.size() == order.size()) std::ranges::stable_sort(order, {}, [&](std::size_t i) { return numbers[i]; });
   return order;
 }

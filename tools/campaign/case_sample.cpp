@@ -5,8 +5,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "protocols/wire/number_text.hpp"
-
 namespace imud {
 namespace {
 
@@ -43,11 +41,6 @@ double percentile(const std::vector<double>& sorted, double share) noexcept {
   const auto below = std::min(static_cast<std::size_t>(place), sorted.size() - 1);
   const std::size_t above = std::min(below + 1, sorted.size() - 1);
   return sorted[below] + (place - static_cast<double>(below)) * (sorted[above] - sorted[below]);
-}
-
-std::optional<double> number_of(const std::string& text) noexcept {
-  const auto number = number_in<double>(text);
-  return number && std::isfinite(*number) ? number : std::nullopt;
 }
 
 bool CaseSample::wants(std::uint64_t index) const noexcept {

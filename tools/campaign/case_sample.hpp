@@ -4,8 +4,6 @@
 #include <cstddef>
 #include <cstdint>
 #include <limits>
-#include <optional>
-#include <string>
 #include <vector>
 
 namespace imud {
@@ -26,9 +24,6 @@ struct Moments {
 // where the first number is at 0 and the last at 1 (NumPy's default, and `inclusive` of Python's
 // statistics.quantiles()). NaN if there are no numbers.
 double percentile(const std::vector<double>& sorted, double share) noexcept;
-
-// Parses the whole text as a number; nullopt if the text is no number, or the number is not finite.
-std::optional<double> number_of(const std::string& text) noexcept;
 
 // The numbers of the cases, for percentiles. All numbers are kept until they take more than `bytes`; then only the
 // numbers of some cases are kept. These cases are chosen by a hash of their index, each with the same probability,

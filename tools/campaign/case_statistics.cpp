@@ -8,6 +8,8 @@
 #include <string_view>
 #include <utility>
 
+#include "core/numbers/number_text.hpp"
+
 namespace imud {
 namespace {
 
@@ -170,7 +172,7 @@ std::vector<std::pair<double, std::size_t>> CaseStatistics::find_over_time(const
   std::vector<std::pair<double, std::size_t>> all;
   for (std::size_t i = 0; i < figures_.size(); ++i)
     if (const std::string& one = figures_[i].name; one.starts_with(name + "@"))
-      if (const auto time_s = number_of(one.substr(name.size() + 1))) all.emplace_back(*time_s, i);
+      if (const auto time_s = finite_number_in(one.substr(name.size() + 1))) all.emplace_back(*time_s, i);
   std::ranges::sort(all);
   return all;
 }

@@ -13,8 +13,8 @@
 #include <stdexcept>
 #include <string_view>
 
+#include "core/numbers/number_text.hpp"
 #include "core/units.hpp"
-#include "protocols/wire/number_text.hpp"
 
 namespace imud {
 namespace {

@@ -8,8 +8,8 @@
 #include <linux/can/error.h>
 
 #include <algorithm>
-#include <charconv>
 
+#include "core/numbers/number_text.hpp"
 #include "transports/can/can_dlc.hpp"
 
 namespace imud {
@@ -20,26 +20,17 @@ constexpr std::string_view blanks = " \t\r\n";
 // The bits of an FD line's flags in an ASC log.
 constexpr unsigned asc_remote = 0x10, asc_fd = 0x1000, asc_bit_rate_switch = 0x2000;
 
-template <class Number>
-bool read_number(std::string_view text, Number& number, int base) noexcept {
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number, base);
-  return error == std::errc() && end == text.data() + text.size();
-}
-
-// Parses "seconds.fraction"; digits below a nanosecond are ignored.
-bool read_time(std::string_view text, Nanoseconds& time) noexcept {
+// Parses "seconds.fraction"; digits below a nanosecond are ignored. Returns nullopt for any other text.
+std::optional<Nanoseconds> time_in(std::string_view text) noexcept {
   constexpr std::uint64_t most_seconds = 9'000'000'000;
   constexpr std::size_t digits = 9;
   const std::size_t dot = std::min(text.find('.'), text.size());
-  std::uint64_t whole = 0, fraction = 0;
-  if (!read_number(text.substr(0, dot), whole, 10) || whole > most_seconds) return false;
-  if (dot != text.size()) {
-    std::string_view decimals = text.substr(dot + 1, digits);
-    if (!read_number(decimals, fraction, 10)) return false;
-    for (std::size_t i = decimals.size(); i < digits; ++i) fraction *= 10;
-  }
-  time = Nanoseconds{static_cast<std::int64_t>(whole * 1'000'000'000 + fraction)};
-  return true;
+  const std::string_view decimals = dot == text.size() ? "0" : text.substr(dot + 1, digits);
+  const auto whole = number_in<std::uint64_t>(text.substr(0, dot));
+  auto fraction = number_in<std::uint64_t>(decimals);
+  if (!whole || *whole > most_seconds || !fraction) return std::nullopt;
+  for (std::size_t i = decimals.size(); i < digits; ++i) *fraction *= 10;
+  return Nanoseconds{static_cast<std::int64_t>(*whole * 1'000'000'000 + *fraction)};
 }
 
 // `format`: FMT_COMPILE(), because a log may have a line for each frame of a run.
@@ -81,8 +72,8 @@ std::string_view can_log_header(CanLogFormat format) noexcept {
 
 unsigned channel_of(std::string_view interface) noexcept {
   const std::size_t digits = interface.find_last_not_of("0123456789") + 1;
-  unsigned number = 0;
-  return read_number(interface.substr(digits), number, 10) ? number + 1 : 1;
+  const auto number = number_in<unsigned>(interface.substr(digits));
+  return number ? *number + 1 : 1;
 }
 
 std::size_t write_can_log(CanLogFormat format, const Frame& frame, Nanoseconds time, std::string_view interface,
@@ -165,7 +156,10 @@ CanLogReader::Line CanLogReader::read(std::string_view line) noexcept {
 CanLogReader::Line CanLogReader::read_candump(std::string_view line) noexcept {
   Words words(line);
   std::string_view stamp = words.next();
-  if (!stamp.ends_with(')') || !read_time(stamp.substr(1, stamp.size() - 2), time_)) return Line::malformed;
+  if (!stamp.ends_with(')')) return Line::malformed;
+  const auto time = time_in(stamp.substr(1, stamp.size() - 2));
+  if (!time) return Line::malformed;
+  time_ = *time;
   const std::string_view interface = words.next(), text = words.next();
   const std::size_t mark = text.find('#');
   if (mark == text.npos) return Line::malformed;
@@ -173,35 +167,34 @@ CanLogReader::Line CanLogReader::read_candump(std::string_view line) noexcept {
 
   constexpr std::size_t short_id = 3, long_id = 8;
   const std::string_view id = text.substr(0, mark);
-  std::uint32_t number = 0;
-  if ((id.size() != short_id && id.size() != long_id) || !read_number(id, number, 16)) return Line::malformed;
-  header_.error = (number & CAN_ERR_FLAG) != 0;
+  const auto number = number_in<std::uint32_t>(id, 16);
+  if ((id.size() != short_id && id.size() != long_id) || !number) return Line::malformed;
+  header_.error = (*number & CAN_ERR_FLAG) != 0;
   header_.extended = id.size() == long_id && !header_.error;
-  if (number > (header_.error ? CAN_ERR_FLAG | CAN_ERR_MASK : header_.extended ? CAN_EFF_MASK : CAN_SFF_MASK))
+  if (*number > (header_.error ? CAN_ERR_FLAG | CAN_ERR_MASK : header_.extended ? CAN_EFF_MASK : CAN_SFF_MASK))
     return Line::malformed;
-  header_.id = number & CAN_EFF_MASK;
+  header_.id = *number & CAN_EFF_MASK;
 
   std::string_view body = text.substr(mark + 1);
   if (body.starts_with('R')) {
     header_.remote = true;
     body.remove_prefix(1);
-    return (body.empty() || read_number(body.substr(0, body.find('_')), size_, 16)) && size_ <= CAN_MAX_DLEN
-               ? Line::frame
-               : Line::malformed;
+    size_ = body.empty() ? 0 : number_in<std::size_t>(body.substr(0, body.find('_')), 16).value_or(CAN_MAX_DLEN + 1);
+    return size_ <= CAN_MAX_DLEN ? Line::frame : Line::malformed;
   }
   if (body.starts_with('#')) {
-    unsigned flags = 0;
-    if (!read_number(body.substr(1, 1), flags, 16)) return Line::malformed;
+    const auto flags = number_in<unsigned>(body.substr(1, 1), 16);
+    if (!flags) return Line::malformed;
     header_.fd = true;
-    header_.bit_rate_switch = (flags & CANFD_BRS) != 0;
+    header_.bit_rate_switch = (*flags & CANFD_BRS) != 0;
     body.remove_prefix(2);
   }
   body = body.substr(0, body.find('_'));  // a length code above 8 of a classic frame
   const std::size_t most = header_.fd ? CANFD_MAX_DLEN : CAN_MAX_DLEN;
   while (!body.empty()) {
-    std::uint8_t byte = 0;
-    if (size_ == most || body.size() < 2 || !read_number(body.substr(0, 2), byte, 16)) return Line::malformed;
-    data_[size_++] = std::byte{byte};
+    const auto byte = number_in<std::uint8_t>(body.substr(0, 2), 16);
+    if (size_ == most || body.size() < 2 || !byte) return Line::malformed;
+    data_[size_++] = std::byte{*byte};
     body.remove_prefix(2);
     if (body.starts_with('.')) body.remove_prefix(1);
   }
@@ -220,9 +213,9 @@ CanLogReader::Line CanLogReader::read_asc(std::string_view line) noexcept {
     last_ = {};
     return Line::other;
   }
-  Nanoseconds stamp{};
-  if (first.empty() || !read_time(first, stamp)) return Line::other;
-  time_ = last_ = relative_ ? last_ + std::min(stamp, Nanoseconds::max() - last_) : stamp;
+  const auto stamp = time_in(first);
+  if (!stamp) return Line::other;
+  time_ = last_ = relative_ ? last_ + std::min(*stamp, Nanoseconds::max() - last_) : *stamp;
   const std::string_view kind = words.next();
   if (kind == "CANFD") return has_channel(words.next()) ? read_fd(words) : Line::other;
   return has_channel(kind) ? read_classic(words) : Line::other;
@@ -241,12 +234,11 @@ CanLogReader::Line CanLogReader::read_classic(Words& words) noexcept {
   const std::string_view direction = words.next(), kind = words.next();
   if (!has_id || !(direction == "Rx" || direction == "Tx") || !(kind == "d" || kind == "r")) return Line::other;
   const std::string_view length = words.next();
-  std::size_t size = 0;
   header_.remote = kind == "r";
-  if (!read_number(length, size, 16) && !(header_.remote && length.empty())) return Line::malformed;
-  size = std::min<std::size_t>(size, CAN_MAX_DLEN);
-  size_ = size;
-  return header_.remote || read_data(words, size, base) ? Line::frame : Line::malformed;
+  const auto size = number_in<std::size_t>(header_.remote && length.empty() ? "0" : length, 16);
+  if (!size) return Line::malformed;
+  size_ = std::min<std::size_t>(*size, CAN_MAX_DLEN);
+  return header_.remote || read_data(words, size_, base) ? Line::frame : Line::malformed;
 }
 
 CanLogReader::Line CanLogReader::read_fd(Words& words) noexcept {
@@ -255,40 +247,43 @@ CanLogReader::Line CanLogReader::read_fd(Words& words) noexcept {
   std::string_view bit_rate_switch = words.next();
   if (bit_rate_switch != "0" && bit_rate_switch != "1") bit_rate_switch = words.next();  // after a name
   words.next();                                                                          // the error state
-  unsigned dlc = 0, flags = 0;
-  std::size_t size = 0;
-  if (!read_number(words.next(), dlc, 16) || !read_number(words.next(), size, 10) || size > CANFD_MAX_DLEN ||
-      size != fd_length(size) || dlc >= fd_lengths.size() || !read_data(words, size, 16))
+  const auto dlc = number_in<unsigned>(words.next(), 16);
+  const auto size = number_in<std::size_t>(words.next());
+  if (!dlc || *dlc >= fd_lengths.size() || !size || *size > CANFD_MAX_DLEN || *size != fd_length(*size) ||
+      !read_data(words, *size, 16))
     return Line::malformed;
   words.next();  // duration
   words.next();  // length
-  if (!read_number(words.next(), flags, 16)) return Line::malformed;
-  size_ = size;
-  header_.fd = (flags & asc_fd) != 0;
-  header_.bit_rate_switch = header_.fd && (flags & asc_bit_rate_switch) != 0;
-  header_.remote = !header_.fd && (flags & asc_remote) != 0;
-  if (header_.remote) size_ = std::min<std::size_t>(dlc, CAN_MAX_DLEN);
+  const auto flags = number_in<unsigned>(words.next(), 16);
+  if (!flags) return Line::malformed;
+  size_ = *size;
+  header_.fd = (*flags & asc_fd) != 0;
+  header_.bit_rate_switch = header_.fd && (*flags & asc_bit_rate_switch) != 0;
+  header_.remote = !header_.fd && (*flags & asc_remote) != 0;
+  if (header_.remote) size_ = std::min<std::size_t>(*dlc, CAN_MAX_DLEN);
   return header_.fd || size_ <= CAN_MAX_DLEN ? Line::frame : Line::malformed;
 }
 
 bool CanLogReader::read_id(std::string_view text, int base) noexcept {
   header_.extended = text.ends_with('x') || text.ends_with('X');
   if (header_.extended) text.remove_suffix(1);
-  return read_number(text, header_.id, base) && header_.id <= (header_.extended ? CAN_EFF_MASK : CAN_SFF_MASK);
+  const auto id = number_in<std::uint32_t>(text, base);
+  header_.id = id.value_or(0);
+  return id && header_.id <= (header_.extended ? CAN_EFF_MASK : CAN_SFF_MASK);
 }
 
 bool CanLogReader::read_data(Words& words, std::size_t size, int base) noexcept {
   for (std::size_t i = 0; i < size; ++i) {
-    std::uint8_t byte = 0;
-    if (!read_number(words.next(), byte, base)) return false;
-    data_[i] = std::byte{byte};
+    const auto byte = number_in<std::uint8_t>(words.next(), base);
+    if (!byte) return false;
+    data_[i] = std::byte{*byte};
   }
   return true;
 }
 
 bool CanLogReader::has_channel(std::string_view channel) const noexcept {
-  unsigned number = 0;
-  return read_number(channel, number, 10) && (!interface_ || number == channel_of(*interface_));
+  const auto number = number_in<unsigned>(channel);
+  return number && (!interface_ || *number == channel_of(*interface_));
 }
 
 }  // namespace imud

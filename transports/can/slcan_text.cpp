@@ -1,9 +1,9 @@
 #include "transports/can/slcan_text.hpp"
 
 #include <algorithm>
-#include <charconv>
 #include <utility>
 
+#include "core/numbers/number_text.hpp"
 #include "transports/can/can_dlc.hpp"
 
 namespace imud {
@@ -18,11 +18,6 @@ constexpr std::string_view digits = "0123456789ABCDEF";
 constexpr char letter_of(const CanHeader& header) noexcept {
   const char letter = header.remote ? 'r' : !header.fd ? 't' : header.bit_rate_switch ? 'b' : 'd';
   return static_cast<char>(header.extended ? letter - 'a' + 'A' : letter);
-}
-
-bool read_hex(std::string_view text, std::uint32_t& number) noexcept {
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number, 16);
-  return !text.empty() && error == std::errc() && end == text.data() + text.size();
 }
 
 }  // namespace
@@ -80,24 +75,25 @@ bool SlcanReader::read_frame(std::string_view line) noexcept {
   header_.fd = kind == 'd' || kind == 'b';
   header_.bit_rate_switch = kind == 'b';
   const std::size_t id_size = header_.extended ? 8 : 3;
-  std::uint32_t dlc = 0;
-  if (line.size() < id_size + 2 || !read_hex(line.substr(1, id_size), header_.id) ||
-      header_.id > (header_.extended ? extended_ids : standard_ids) || !read_hex(line.substr(1 + id_size, 1), dlc))
-    return false;
+  if (line.size() < id_size + 2) return false;
+  const auto id = number_in<std::uint32_t>(line.substr(1, id_size), 16);
+  const auto dlc = number_in<std::uint8_t>(line.substr(1 + id_size, 1), 16);
+  if (!id || *id > (header_.extended ? extended_ids : standard_ids) || !dlc) return false;
+  header_.id = *id;
   line.remove_prefix(id_size + 2);
-  size_ = header_.fd ? fd_lengths[dlc] : std::min<std::size_t>(dlc, classic_bytes);
+  size_ = header_.fd ? fd_lengths[*dlc] : std::min<std::size_t>(*dlc, classic_bytes);
   const std::size_t length = header_.remote ? 0 : size_;
   if (line.size() < 2 * length) return false;
   for (std::size_t i = 0; i < length; ++i) {
-    std::uint32_t byte = 0;
-    if (!read_hex(line.substr(2 * i, 2), byte)) return false;
-    data_[i] = static_cast<std::byte>(byte);
+    const auto byte = number_in<std::uint8_t>(line.substr(2 * i, 2), 16);
+    if (!byte) return false;
+    data_[i] = std::byte{*byte};
   }
   line.remove_prefix(2 * length);
   // A time stamp follows, in ms of a minute or in us. It is ignored: the time of arrival at this host replaces it.
   constexpr std::size_t short_stamp = 4, long_stamp = 8;
-  std::uint32_t stamp = 0;
-  return line.empty() || ((line.size() == short_stamp || line.size() == long_stamp) && read_hex(line, stamp));
+  return line.empty() ||
+         ((line.size() == short_stamp || line.size() == long_stamp) && number_in<std::uint32_t>(line, 16));
 }
 
 }  // namespace imud

@@ -7,37 +7,27 @@
 #include <unistd.h>
 
 #include <cerrno>
-#include <charconv>
 #include <cstring>
 #include <string>
 
+#include "core/numbers/number_text.hpp"
+
 namespace imud {
-namespace {
-
-template <class Number>
-std::optional<Number> number(const std::string& text, int base) {
-  Number value = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value, base);
-  if (error != std::errc{} || end != text.data() + text.size()) return std::nullopt;
-  return value;
-}
-
-}  // namespace
 
 PtyAccess::PtyAccess(const PortSpec& spec) {
   constexpr mode_t owner_rw = S_IRUSR | S_IWUSR, all_rw = 0666;
   if (const auto text = spec.text("mode")) {
-    mode_ = number<mode_t>(*text, 8);
+    mode_ = number_in<mode_t>(*text, 8);
     if (!mode_ || (*mode_ & owner_rw) != owner_rw || (*mode_ & ~all_rw) != 0)
       throw spec.error(fmt::format("mode={}: right would be an octal number from 0600 to 0666, such as 0660", *text));
   }
   if (const auto text = spec.text("owner")) {
-    owner_ = number<uid_t>(*text, 10);
+    owner_ = number_in<uid_t>(*text);
     if (const passwd* user = ::getpwnam(text->c_str())) owner_ = user->pw_uid;
     if (!owner_) throw spec.error(fmt::format("owner={}: there is no such user; 'getent passwd' lists them", *text));
   }
   if (const auto text = spec.text("group")) {
-    group_ = number<gid_t>(*text, 10);
+    group_ = number_in<gid_t>(*text);
     if (const group* named = ::getgrnam(text->c_str())) group_ = named->gr_gid;
     if (!group_) throw spec.error(fmt::format("group={}: there is no such group; 'getent group' lists them", *text));
   }

@@ -17,8 +17,8 @@
 #include <stdexcept>
 #include <utility>
 
+#include "core/numbers/number_text.hpp"
 #include "emulator/ground/exit_code.hpp"
-#include "protocols/wire/number_text.hpp"
 #include "transports/file/output_path.hpp"
 
 namespace imud {

@@ -11,8 +11,8 @@
 #include <memory>
 #include <stdexcept>
 
+#include "core/numbers/number_text.hpp"
 #include "protocols/measurements/measurement_row.hpp"
-#include "protocols/wire/number_text.hpp"
 #include "transports/file/output_path.hpp"
 
 namespace imud {

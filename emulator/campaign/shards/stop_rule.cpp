@@ -1,7 +1,7 @@
 #include "emulator/campaign/shards/stop_rule.hpp"
 
+#include "core/numbers/number_text.hpp"
 #include "emulator/campaign/shards/wilson.hpp"
-#include "protocols/wire/number_text.hpp"
 
 namespace imud {
 

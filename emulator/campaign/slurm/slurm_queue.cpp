@@ -11,9 +11,9 @@
 #include <boost/algorithm/string/trim.hpp>
 #include <optional>
 
+#include "core/numbers/number_text.hpp"
 #include "emulator/ground/text_file.hpp"
 #include "emulator/programs/command_output.hpp"
-#include "protocols/wire/number_text.hpp"
 
 namespace imud {
 

@@ -2,11 +2,11 @@
 #include <stdexcept>
 #include <utility>
 
+#include "core/numbers/number_text.hpp"
 #include "protocols/frames/host/frame_captures.hpp"
 #include "protocols/frames/layout/frame_compiler.hpp"
 #include "protocols/frames/layout/frame_parts.hpp"
 #include "protocols/wire/byte_text.hpp"
-#include "protocols/wire/number_text.hpp"
 
 namespace imud {
 namespace {

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "protocols/wire/number_text.hpp"
+#include "core/numbers/number_text.hpp"
 
 namespace imud {
 namespace {

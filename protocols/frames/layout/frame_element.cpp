@@ -6,10 +6,10 @@
 #include <tuple>
 
 #include "core/numbers/nearest.hpp"
+#include "core/numbers/number_text.hpp"
 #include "protocols/frames/layout/frame_parts.hpp"
 #include "protocols/quantities/columns.hpp"
 #include "protocols/wire/byte_text.hpp"
-#include "protocols/wire/number_text.hpp"
 
 namespace imud {
 namespace {
@@ -68,8 +68,8 @@ void make_flag(FrameSource& source, std::string_view limit) {
   if (source.modulus != 0) refuse_element("a bit has no modulus");
   source.kind = FrameSource::Kind::flag;
   if (limit.empty()) return;
-  source.limit = number_in<double>(limit.substr(1));
-  if (!source.limit || !std::isfinite(*source.limit))
+  source.limit = finite_number_in(limit.substr(1));
+  if (!source.limit)
     refuse_element(in_quotes(limit) + ": the limit of a bit must be a number, as in 4=position_sigma_north_m<10");
   source.name += limit;
 }

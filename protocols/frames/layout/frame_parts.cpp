@@ -4,8 +4,8 @@
 #include <stdexcept>
 
 #include "core/numbers/nearest.hpp"
+#include "core/numbers/number_text.hpp"
 #include "protocols/quantities/columns.hpp"
-#include "protocols/wire/number_text.hpp"
 
 namespace imud {
 namespace {
@@ -43,9 +43,8 @@ FrameSource remainder_in(std::string_view text) {
   auto source = find_frame_source(name);
   if (!source) refuse_element(unknown_frame_source(name));
   if (percent == text.npos) return *source;
-  const auto modulus = number_in<double>(text.substr(percent + 1));
-  if (!modulus || !std::isfinite(*modulus) || *modulus <= 0)
-    refuse_element("the modulus after % must be a positive number, as in yaw_deg%360");
+  const auto modulus = finite_number_in(text.substr(percent + 1));
+  if (!modulus || *modulus <= 0) refuse_element("the modulus after % must be a positive number, as in yaw_deg%360");
   if (source->kind == FrameSource::Kind::status) refuse_element("a bit of the status has no modulus");
   source->modulus = *modulus;
   return *source;

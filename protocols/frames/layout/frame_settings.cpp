@@ -6,8 +6,8 @@
 #include <stdexcept>
 
 #include "core/numbers/nearest.hpp"
+#include "core/numbers/number_text.hpp"
 #include "protocols/frames/layout/frame_number.hpp"
-#include "protocols/wire/number_text.hpp"
 
 namespace imud {
 namespace {

@@ -5,10 +5,10 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "core/numbers/number_text.hpp"
 #include "protocols/frames/layout/frame_element.hpp"
 #include "protocols/frames/layout/frame_parts.hpp"
 #include "protocols/wire/fixed_text.hpp"
-#include "protocols/wire/number_text.hpp"
 
 namespace imud {
 namespace {

@@ -8,7 +8,7 @@
 #include <random>
 #include <vector>
 
-#include "protocols/wire/number_text.hpp"
+#include "core/numbers/number_text.hpp"
 
 namespace imud {
 namespace {
@@ -102,6 +102,8 @@ TEST(NumberIn, IsTheWholeTextOrNone) {
   for (const char* text : {"", "+1", " 1", "1 ", "1x", "-1", "4294967296"})
     EXPECT_FALSE(number_in<std::uint32_t>(text)) << text;
   EXPECT_FALSE(number_in<double>("1.0.0"));
+  EXPECT_EQ(finite_number_in("-1.5e3"), -1500.0);
+  for (const char* text : {"", "inf", "-inf", "nan", "1e999"}) EXPECT_FALSE(finite_number_in(text)) << text;
 }
 
 }  // namespace

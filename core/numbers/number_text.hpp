@@ -2,6 +2,7 @@
 #pragma once
 
 #include <charconv>
+#include <cmath>
 #include <concepts>
 #include <cstddef>
 #include <optional>
@@ -23,6 +24,11 @@ std::optional<Number> number_in(std::string_view text, int radix = 10) noexcept 
     result = std::from_chars(text.data(), end, number);
   if (result.ec != std::errc() || result.ptr != end) return std::nullopt;
   return number;
+}
+// Does the same as number_in<double>(), but returns nullopt for an infinity and for NaN, too.
+inline std::optional<double> finite_number_in(std::string_view text) noexcept {
+  const auto number = number_in<double>(text);
+  return number && std::isfinite(*number) ? number : std::nullopt;
 }
 // Does the same as number_in() for an integer that is decimal, or hexadecimal after a prefix "0x" or "0X".
 template <class Number>
