@@ -27,6 +27,13 @@ bool contains(std::string_view list, std::string_view word) {
   return std::find(all.begin(), all.end(), word) != all.end();
 }
 
+std::optional<in6_addr> ipv6_in(const std::string& text) {
+  // A link-local address carries its interface: fe80::1%eth0.
+  const std::string plain = text.substr(0, text.find('%'));
+  in6_addr binary{};
+  return ::inet_pton(AF_INET6, plain.c_str(), &binary) == 1 ? std::optional(binary) : std::nullopt;
+}
+
 }  // namespace
 
 PortSpec PortSpec::parse(std::string_view text) {
@@ -114,17 +121,28 @@ NumericAddress NumericAddress::parse(std::string_view text) {
   result.port = *port;
 
   const std::string_view host = text.substr(0, colon);
-  in6_addr binary{};
   if (host.size() > 2 && host.front() == '[' && host.back() == ']') {
     result.address = host.substr(1, host.size() - 2);
-    // A link-local address carries its interface: fe80::1%eth0.
-    const std::string plain = result.address.substr(0, result.address.find('%'));
-    if (::inet_pton(AF_INET6, plain.c_str(), &binary) != 1) throw wrong("no IPv6 address");
+    if (!ipv6_in(result.address)) throw wrong("no IPv6 address");
   } else {
     result.address = host;
+    in_addr binary{};
     if (::inet_pton(AF_INET, result.address.c_str(), &binary) != 1) throw wrong("no IPv4 address");
   }
   return result;
+}
+
+std::optional<NumericAddress> NumericAddress::try_parse(std::string_view text) {
+  try {
+    return parse(text);
+  } catch (const PortError&) {
+    return std::nullopt;
+  }
+}
+
+bool NumericAddress::is_loopback() const {
+  const auto binary = ipv6_in(address);
+  return binary ? IN6_IS_ADDR_LOOPBACK(&*binary) != 0 : address.starts_with("127.");
 }
 
 }  // namespace imud

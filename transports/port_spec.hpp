@@ -56,11 +56,17 @@ struct PortSpec {
 };
 
 // "ADDR:PORT" of UDP or TCP: a numeric IPv4 address, or a numeric IPv6 address in brackets; for port 0 the system
-// chooses a port. Throws PortError.
+// chooses a port.
 struct NumericAddress {
-  std::string address;
+  std::string address;  // without brackets
   std::uint16_t port = 0;
+
+  // Throws PortError on a text of another form.
   static NumericAddress parse(std::string_view text);
+  // Returns nullopt for a text of another form.
+  static std::optional<NumericAddress> try_parse(std::string_view text);
+  // Returns whether programs of this machine alone can reach the address.
+  bool is_loopback() const;
 };
 
 }  // namespace imud

@@ -11,8 +11,8 @@
 #include "emulator/config/line_load.hpp"
 #include "emulator/config/scenario.hpp"
 #include "emulator/frames/frame_file.hpp"
-#include "emulator/ground/tcp_address.hpp"
 #include "emulator/plan/keys.hpp"
+#include "transports/port_spec.hpp"
 
 namespace imud {
 namespace {
@@ -266,7 +266,7 @@ ControlConfig read_control(TableReader table, bool has_page, bool is_sparing) {
   control.listen = table.text("listen", control.listen);
   control.token_file = file_named(table, "token_file", table.text("token_file", control.token_file));
   if (!control.listen.empty()) {
-    if (const auto address = TcpAddress::parse(control.listen); !address || !address->is_loopback)
+    if (const auto address = NumericAddress::try_parse(control.listen); !address || !address->is_loopback())
       table.fault("listen", "give a loopback address and a port, such as \"127.0.0.1:7700\" or \"[::1]:7700\"");
     if (control.token_file.empty()) table.fault("token_file", "missing: the file whose first line clients must know");
   } else if (!control.token_file.empty()) {

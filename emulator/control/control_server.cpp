@@ -13,8 +13,8 @@
 #include <utility>
 
 #include "emulator/control/send_queue.hpp"
-#include "emulator/ground/tcp_address.hpp"
 #include "emulator/ground/text_file.hpp"
+#include "transports/port_spec.hpp"
 
 namespace imud {
 
@@ -206,7 +206,7 @@ ControlServer::ControlServer(asio::io_context& io, const ControlConfig& config, 
   }
   if (config.listen.empty()) return;
   token_ = Token::read(config.token_file);
-  const TcpAddress address = TcpAddress::parse(config.listen).value_or(TcpAddress{});
+  const NumericAddress address = NumericAddress::parse(config.listen);
   const asio::ip::tcp::endpoint endpoint(asio::ip::make_address(address.address), address.port);
   try {
     tcp_.emplace(io_, endpoint);

@@ -16,7 +16,7 @@
 #include "emulator/control/line_connection.hpp"
 #include "emulator/control/socket_path.hpp"
 #include "emulator/control/token.hpp"
-#include "emulator/ground/tcp_address.hpp"
+#include "transports/port_spec.hpp"
 
 namespace imud {
 namespace {
@@ -62,7 +62,7 @@ LineConnection connect_by_socket(const CtlOptions& options) {
 
 // Returns a connection by TCP after sending the token, or prints why there is none. `address` has the form
 // ADDRESS:PORT.
-LineConnection connect_by_tcp(const TcpAddress& address, const std::string& secret) {
+LineConnection connect_by_tcp(const NumericAddress& address, const std::string& secret) {
   const boost::asio::ip::tcp::endpoint to(boost::asio::ip::make_address(address.address), address.port);
   const std::string name = fmt::format("{}, port {}", address.address, address.port);
   FileDescriptor socket(::socket(to.protocol().family(), SOCK_STREAM | SOCK_CLOEXEC, 0));
@@ -177,11 +177,11 @@ int ctl(const CtlOptions& options) {
       return fail(fmt::format("{}: give parameters as KEY=VALUE", parameter), 2);
     params[parameter.substr(0, equals)] = value_of(parameter.substr(equals + 1));
   }
-  std::optional<TcpAddress> to;
+  std::optional<NumericAddress> to;
   if (!options.to.empty()) {
-    to = TcpAddress::parse(options.to);
+    to = NumericAddress::try_parse(options.to);
     // The token is sent unencrypted.
-    if (!to || !to->is_loopback)
+    if (!to || !to->is_loopback())
       return fail(fmt::format("{}: give a loopback address and a port, such as 127.0.0.1:7700", options.to), 2);
   }
   LineConnection lines =

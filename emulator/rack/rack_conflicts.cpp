@@ -11,7 +11,6 @@
 #include "emulator/config/config_parts.hpp"
 #include "emulator/config/line_load.hpp"
 #include "emulator/config/load_config.hpp"
-#include "emulator/ground/tcp_address.hpp"
 #include "transports/socket/socket_address.hpp"
 
 namespace imud {
@@ -116,7 +115,7 @@ void RackConflicts::listen_udp(const std::string& key, const std::string& port) 
 }
 
 void RackConflicts::listen_tcp(const std::string& key, const std::string& address) {
-  if (const auto parsed = TcpAddress::parse(address); parsed && parsed->port != 0)
+  if (const auto parsed = NumericAddress::try_parse(address); parsed && parsed->port != 0)
     listen({place(key), true, parsed->address, parsed->port});
 }
 

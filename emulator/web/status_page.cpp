@@ -8,17 +8,17 @@
 #include <optional>
 
 #include "emulator/ground/counters.hpp"
-#include "emulator/ground/tcp_address.hpp"
 #include "emulator/ground/text_file.hpp"
 #include "emulator/web/web_server.hpp"
+#include "transports/port_spec.hpp"
 
 namespace imud {
 
 void serve_status(const WebConfig& web, std::span<const PageFile> files, const std::function<std::string()>& status,
                   const std::string& shown) {
-  const auto address = TcpAddress::parse(web.listen);
+  const auto address = NumericAddress::try_parse(web.listen);
   if (!address) throw OpenError("--web: give a numeric address and a port, such as 127.0.0.1:8080");
-  if (!address->is_loopback && web.token_file.empty())
+  if (!address->is_loopback() && web.token_file.empty())
     throw OpenError("--web: other machines reach this address: give --token-file, or 127.0.0.1:8080");
   boost::asio::io_context io;
   boost::asio::signal_set signals(io, SIGINT, SIGTERM);

@@ -9,7 +9,6 @@
 #include <chrono>
 #include <utility>
 
-#include "emulator/ground/tcp_address.hpp"
 #include "emulator/web/http_connection.hpp"
 #include "transports/port_spec.hpp"
 
@@ -25,7 +24,7 @@ std::string machine_name() {
 }
 
 tcp::endpoint endpoint_of(const std::string& listen) {
-  const TcpAddress address = TcpAddress::parse(listen).value();
+  const NumericAddress address = NumericAddress::parse(listen);
   return {asio::ip::make_address(address.address), address.port};
 }
 

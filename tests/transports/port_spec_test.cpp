@@ -87,6 +87,14 @@ TEST(NumericAddress, TakesNumericAddressesOfBothKinds) {
   EXPECT_EQ(NumericAddress::parse("[fe80::1%eth0]:65535").port, 65535);
 }
 
+TEST(NumericAddress, KnowsLoopbackAddresses) {
+  for (const char* text : {"127.0.0.1:1", "127.1.2.3:0", "[::1]:1", "[0:0::1]:1"})
+    EXPECT_TRUE(NumericAddress::parse(text).is_loopback()) << text;
+  for (const char* text : {"0.0.0.0:1", "12.7.0.1:1", "[::]:1", "[fe80::1%lo]:1", "[::ffff:127.0.0.1]:1"})
+    EXPECT_FALSE(NumericAddress::parse(text).is_loopback()) << text;
+  EXPECT_FALSE(NumericAddress::try_parse("localhost:1"));
+}
+
 TEST(NumericAddress, RefusesTheRestAndNamesTheRemedy) {
   for (const char* text : {"", "127.0.0.1", "127.0.0.1:", "127.0.0.1:65536", "127.0.0.1:-1", "localhost:1",
                            "127.0.0.1:1x", "::1:9810", "[]:1", "[::1]", "[127.0.0.1]:1", "127.0.0.256:1", ":9810"})

@@ -65,11 +65,9 @@ HostAddress HostAddress::parse(std::string_view text) {
   if (colon == text.npos) throw wrong("no port");
   HostAddress result;
   const auto numbers = [&](std::string_view address, std::string_view what) {
-    try {
-      return NumericAddress::parse(address);
-    } catch (const PortError&) {
-      throw wrong(what);
-    }
+    const auto numeric = NumericAddress::try_parse(address);
+    if (!numeric) throw wrong(what);
+    return *numeric;
   };
   result.port = numbers(fmt::format("0.0.0.0{}", text.substr(colon)), "no port from 0 to 65535").port;
   result.host = text.substr(0, colon);
