@@ -25,23 +25,29 @@ bool ascends(const std::vector<double>& list) {
   return std::adjacent_find(list.begin(), list.end(), [](double a, double b) { return a >= b; }) == list.end();
 }
 
-void read_sines(TableReader& table, VibrationModel& model) {
-  const std::vector<double> frequency = table.numbers("sine_hz", least_hz, most_hz);
-  const std::vector<Vector3> force = rows(table, "sine_g"), rate = rows(table, "sine_deg_per_s");
-  const std::vector<double> phase = table.numbers("sine_phase_deg", -360, 360);
-  const std::size_t count = frequency.size();
-  const bool has_force = fits(table, "sine_g", force, "sine_hz", count);
-  const bool has_rate = fits(table, "sine_deg_per_s", rate, "sine_hz", count);
-  const bool has_phase = fits(table, "sine_phase_deg", phase, "sine_hz", count);
-  if (count > 0 && force.empty() && rate.empty())
-    table.fault("sine_hz", "has no amplitudes; give sine_g or sine_deg_per_s");
-  for (std::size_t i = 0; i < count; ++i) {
-    VibrationModel::Sine sine{.frequency_hz = frequency[i]};
-    if (has_force) sine.force = g * force[i];
-    if (has_rate) sine.rate = deg * rate[i];
-    if (has_phase) sine.phase = deg * phase[i];
-    model.sines.push_back(sine);
+// Reads the waves whose frequencies or orders are `of_key`. The keys of their amplitudes and phases begin with
+// `stem`.
+template <class Wave>
+std::vector<Wave> read_waves(TableReader& table, std::string_view of_key, double min, double max,
+                             std::string_view stem) {
+  const std::string force_key = fmt::format("{}_g", stem), rate_key = fmt::format("{}_deg_per_s", stem),
+                    phase_key = fmt::format("{}_phase_deg", stem);
+  const std::vector<double> of = table.numbers(of_key, min, max);
+  const std::vector<Vector3> force = rows(table, force_key), rate = rows(table, rate_key);
+  const std::vector<double> phase = table.numbers(phase_key, -360, 360);
+  const bool has_force = fits(table, force_key, force, of_key, of.size());
+  const bool has_rate = fits(table, rate_key, rate, of_key, of.size());
+  const bool has_phase = fits(table, phase_key, phase, of_key, of.size());
+  if (!of.empty() && force.empty() && rate.empty())
+    table.fault(of_key, fmt::format("has no amplitudes; give {} or {}", force_key, rate_key));
+  std::vector<Wave> waves;
+  for (std::size_t i = 0; i < of.size(); ++i) {
+    Wave& wave = waves.emplace_back(Wave{of[i]});
+    if (has_force) wave.force = g * force[i];
+    if (has_rate) wave.rate = deg * rate[i];
+    if (has_phase) wave.phase = deg * phase[i];
   }
+  return waves;
 }
 
 void read_spectrum(TableReader& table, VibrationModel::Spectrum& spectrum) {
@@ -60,25 +66,6 @@ void read_spectrum(TableReader& table, VibrationModel::Spectrum& spectrum) {
   if (!fits(table, "random_deg2_per_s2_per_hz", spectrum.rate, "random_hz", count)) spectrum.rate.clear();
   for (double& density : spectrum.force) density *= g * g;
   for (double& density : spectrum.rate) density *= deg * deg;
-}
-
-void read_harmonics(TableReader& table, VibrationModel& model) {
-  const std::vector<double> order = table.numbers("harmonic", 1e-3, 1e3);
-  const std::vector<Vector3> force = rows(table, "harmonic_g"), rate = rows(table, "harmonic_deg_per_s");
-  const std::vector<double> phase = table.numbers("harmonic_phase_deg", -360, 360);
-  const std::size_t count = order.size();
-  const bool has_force = fits(table, "harmonic_g", force, "harmonic", count);
-  const bool has_rate = fits(table, "harmonic_deg_per_s", rate, "harmonic", count);
-  const bool has_phase = fits(table, "harmonic_phase_deg", phase, "harmonic", count);
-  if (count > 0 && force.empty() && rate.empty())
-    table.fault("harmonic", "has no amplitudes; give harmonic_g or harmonic_deg_per_s");
-  for (std::size_t i = 0; i < count; ++i) {
-    VibrationModel::Harmonic harmonic{.order = order[i]};
-    if (has_force) harmonic.force = g * force[i];
-    if (has_rate) harmonic.rate = deg * rate[i];
-    if (has_phase) harmonic.phase = deg * phase[i];
-    model.harmonics.push_back(harmonic);
-  }
 }
 
 // The truth's state that the amplitude follows, and the unit of the points.
@@ -111,9 +98,9 @@ void read_envelope(TableReader& table, VibrationModel::Envelope& envelope) {
 
 VibrationModel read_vibration(TableReader table) {
   VibrationModel model;
-  read_sines(table, model);
+  model.sines = read_waves<VibrationModel::Sine>(table, "sine_hz", least_hz, most_hz, "sine");
   read_spectrum(table, model.spectrum);
-  read_harmonics(table, model);
+  model.harmonics = read_waves<VibrationModel::Harmonic>(table, "harmonic", 1e-3, 1e3, "harmonic");
   read_envelope(table, model.envelope);
   table.finish();
   return model;
