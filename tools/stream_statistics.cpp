@@ -5,6 +5,8 @@
 #include <cstddef>
 #include <utility>
 
+#include "protocols/wire/bits.hpp"
+
 namespace imud {
 namespace {
 
@@ -25,8 +27,6 @@ double median(std::vector<Number> numbers) {
   std::nth_element(numbers.begin(), middle, numbers.end());
   return static_cast<double>(*middle);
 }
-
-std::uint64_t low_bits(unsigned bits) { return bits >= 64 ? ~std::uint64_t{0} : (std::uint64_t{1} << bits) - 1; }
 
 }  // namespace
 

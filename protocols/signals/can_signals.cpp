@@ -7,6 +7,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "protocols/wire/bits.hpp"
 #include "protocols/wire/wire.hpp"
 
 namespace imud {
@@ -35,22 +36,6 @@ void each_byte(unsigned start, unsigned length, bool motorola, Act act) noexcept
   }
 }
 
-constexpr std::uint64_t mask(unsigned bits) noexcept {
-  return bits >= 64 ? ~std::uint64_t{0} : (std::uint64_t{1} << bits) - 1;
-}
-
-// The largest double below 2^bits that is no more than 2^bits - 1.
-double below_power(unsigned bits) noexcept {
-  const double power = std::ldexp(1.0, static_cast<int>(bits));
-  return bits <= 53 ? power - 1 : std::nextafter(power, 0.0);
-}
-
-// Returns the rounded number, in two's complement. `x` is in [-2^63, 2^64).
-std::uint64_t rounded(double x) noexcept {
-  if (x >= 0x1p63) return static_cast<std::uint64_t>(x);
-  return static_cast<std::uint64_t>(to_integer(x));
-}
-
 bool is_float(SignalFormat format) noexcept {
   return format == SignalFormat::float32 || format == SignalFormat::float64;
 }
@@ -60,7 +45,7 @@ bool is_float(SignalFormat format) noexcept {
 std::uint64_t read_bits(std::span<const std::byte> bytes, unsigned start, unsigned length, bool motorola) noexcept {
   std::uint64_t number = 0;
   each_byte(start, length, motorola, [&](unsigned byte, unsigned low, unsigned bits, unsigned at) {
-    number |= (std::to_integer<std::uint64_t>(bytes[byte]) >> low & mask(bits)) << at;
+    number |= (std::to_integer<std::uint64_t>(bytes[byte]) >> low & low_bits(bits)) << at;
   });
   return number;
 }
@@ -68,8 +53,8 @@ std::uint64_t read_bits(std::span<const std::byte> bytes, unsigned start, unsign
 void write_bits(std::span<std::byte> bytes, unsigned start, unsigned length, bool motorola,
                 std::uint64_t number) noexcept {
   each_byte(start, length, motorola, [&](unsigned byte, unsigned low, unsigned bits, unsigned at) {
-    const auto kept = std::to_integer<std::uint64_t>(bytes[byte]) & ~(mask(bits) << low);
-    bytes[byte] = static_cast<std::byte>(kept | (number >> at & mask(bits)) << low);
+    const auto kept = std::to_integer<std::uint64_t>(bytes[byte]) & ~(low_bits(bits) << low);
+    bytes[byte] = static_cast<std::byte>(kept | (number >> at & low_bits(bits)) << low);
   });
 }
 
@@ -167,7 +152,7 @@ void CanSignalCodec::set_constant(Field& field, const CanSignal& signal, double 
              number > field.highest + 0.5) {
     refuse(signal, std::string(signal.source) + " is not a value of the signal");
   } else {
-    field.initial = rounded(std::round(number));
+    field.initial = to_integer_bits(std::round(number));
   }
 }
 
@@ -273,8 +258,8 @@ void CanSignalCodec::check_checksum(std::span<const CanSignal> signals) {
   if (values == 0) return;
   if (!counter_) refuse(signal, "its profile needs a signal that is " + std::string(alive_counter_source));
   if (!signals[counter_->signal].pages.empty()) refuse(signal, "its counter must not depend on a multiplexor");
-  if (mask(counter_->length) < values - 1 ||
-      (counter_->source == Source::quantity && mask(counter_->length) != values - 1))
+  if (low_bits(counter_->length) < values - 1 ||
+      (counter_->source == Source::quantity && low_bits(counter_->length) != values - 1))
     refuse(signal, "its profile needs a counter from 0 to " + std::to_string(values - 1));
 }
 
@@ -324,7 +309,7 @@ std::uint64_t CanSignalCodec::number_of(const Field& field, const Reading& readi
   if (!(x >= lowest - margin && x <= highest + margin)) ++saturated;
   if (field.format == SignalFormat::float32) return std::bit_cast<std::uint32_t>(to_float(limited + field.whole));
   if (field.format == SignalFormat::float64) return std::bit_cast<std::uint64_t>(limited + field.whole);
-  return rounded(limited) + static_cast<std::uint64_t>(static_cast<std::int64_t>(field.whole));
+  return to_integer_bits(limited) + static_cast<std::uint64_t>(static_cast<std::int64_t>(field.whole));
 }
 
 unsigned CanSignalCodec::encode(const Reading& reading, std::uint64_t count,

@@ -5,6 +5,7 @@
 #include <string>
 
 #include "protocols/signals/can_signals.hpp"
+#include "protocols/wire/bits.hpp"
 
 namespace imud {
 namespace {
@@ -47,8 +48,7 @@ SignalPages::SignalPages(std::span<const CanSignal> signals, const std::vector<b
     entry.start = signal.start;
     entry.length = signal.length;
     entry.motorola = signal.encoding.motorola;
-    entry.initial = signal.initial;
-    if (entry.length < 64) entry.initial &= (std::uint64_t{1} << entry.length) - 1;
+    entry.initial = signal.initial & low_bits(signal.length);
     if (!entry.pages.empty()) {
       const auto found = std::ranges::find(signals, signal.multiplexor, &CanSignal::name);
       if (found != signals.end()) entry.multiplexor = static_cast<std::size_t>(found - signals.begin());

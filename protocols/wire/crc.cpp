@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "protocols/wire/bits.hpp"
+
 namespace imud {
 namespace {
 
@@ -84,15 +86,6 @@ constexpr CrcAlgorithm algorithms[] = {
     {"crc64/we", {64, 0x42F0E1EBA9EA3693, 0xFFFFFFFFFFFFFFFF, false, false, 0xFFFFFFFFFFFFFFFF}, 0x62EC59E3F1A4F00A},
 };
 
-constexpr std::uint64_t mask(unsigned bits) noexcept { return ~std::uint64_t{0} >> (64 - bits); }
-
-// Returns the lowest `bits` bits in reverse order.
-constexpr std::uint64_t reflected(std::uint64_t value, unsigned bits) noexcept {
-  std::uint64_t result = 0;
-  for (unsigned i = 0; i < bits; ++i) result |= (value >> i & 1U) << (bits - 1 - i);
-  return result;
-}
-
 constexpr char lower(char c) noexcept { return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c; }
 
 }  // namespace
@@ -125,7 +118,7 @@ Crc::Crc(const CrcParameters& parameters) noexcept : parameters_(parameters) {
         state = state >> 1 ^ ((state & 1U) != 0 ? poly : 0);
       else
         state = state << 1 ^ ((state >> (width - 1) & 1U) != 0 ? poly : 0);
-    table_[byte] = state & mask(width);
+    table_[byte] = state & low_bits(width);
   }
 }
 
@@ -137,7 +130,7 @@ std::uint64_t Crc::update(std::uint64_t state, std::span<const std::byte> bytes)
   }
   for (const std::byte byte : bytes)
     state = state << 8 ^ table_[(state >> top ^ std::to_integer<unsigned>(byte)) & 0xFFU];
-  return state & mask(parameters_.width);
+  return state & low_bits(parameters_.width);
 }
 
 std::uint64_t Crc::finish(std::uint64_t state) const noexcept {

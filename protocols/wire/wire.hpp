@@ -56,6 +56,10 @@ constexpr std::int64_t to_integer(double value) noexcept {
   const double rest = value - static_cast<double>(whole);  // exact
   return whole + (rest >= 0.5) - (rest <= -0.5);
 }
+// Returns the bits of the same integer, in two's complement. `value`: in [-2^63, 2^64).
+constexpr std::uint64_t to_integer_bits(double value) noexcept {
+  return value >= 0x1p63 ? static_cast<std::uint64_t>(value) : static_cast<std::uint64_t>(to_integer(value));
+}
 
 // Writes x, y, z in this order. `Buffer` is a floating-point Boost.Endian buffer; a 32-bit one saturates at FLT_MAX.
 template <class Buffer>

@@ -6,6 +6,7 @@
 #include <set>
 #include <tuple>
 
+#include "protocols/wire/bits.hpp"
 #include "tools/checks/crc_solver.hpp"
 
 namespace imud {
@@ -149,7 +150,7 @@ std::size_t CheckSearch::agreeing(const FoundCheck& check, const FoundCheck::For
   std::size_t bytes = form.extra.size(), count = 0;
   for (const auto& [begin, end] : ranges) bytes += end - begin;
   if (!known || bytes % known->word_size() != 0) return 0;
-  const std::uint64_t mask = ~std::uint64_t{0} >> (64 - 8 * check.size);
+  const std::uint64_t mask = low_bits(static_cast<unsigned>(8 * check.size));
   constexpr std::size_t few = 8, fewest = 3;
   for (std::size_t i = 0; i < windows_.size(); ++i) {
     const Window window = windows_[i];
@@ -192,7 +193,7 @@ void CheckSearch::find_own_forms(const Candidate& candidate, FoundCheck& check) 
   if (rule.kind == CheckRule::Kind::crc) {
     if (candidate.ranges.size() > 1) return;
     while (first > lowest && !varies_[first - 1]) --first;
-    const std::uint64_t all = ~std::uint64_t{0} >> (64 - 8 * rule.size);
+    const std::uint64_t all = low_bits(static_cast<unsigned>(8 * rule.size));
     // The initial values 0 and all ones are the most probable ones.
     std::vector<FoundCheck::Form> others;
     for (std::size_t begin = first; begin <= candidate.ranges.front().first; ++begin)

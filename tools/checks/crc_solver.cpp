@@ -5,6 +5,7 @@
 #include <bit>
 
 #include "protocols/frames/layout/frame_layout.hpp"
+#include "protocols/wire/bits.hpp"
 #include "tools/checks/check_rule.hpp"
 
 namespace imud {
@@ -81,12 +82,6 @@ Polynomial difference(Piece one, Piece other, const CrcPlace& place, bool refin,
       number_at(one, place.at, place.size, place.is_big) ^ number_at(other, place.at, place.size, place.is_big);
   for (std::size_t bit = 0; bit < width; ++bit)
     if ((crc >> (refout ? width - 1 - bit : bit) & 1U) != 0) result.flip(bit);
-  return result;
-}
-
-std::uint64_t reflected(std::uint64_t value, unsigned width) {
-  std::uint64_t result = 0;
-  for (unsigned i = 0; i < width; ++i) result |= (value >> i & 1U) << (width - 1 - i);
   return result;
 }
 

@@ -38,7 +38,7 @@ double force_tolerance(const GravityFit& fit) {
 }
 
 std::string place_text(const VectorPlace& place) {
-  return fmt::format("{} at bytes {}, {} and {}", type_text(place.first.type), place.first.at, place.component(1).at,
+  return fmt::format("{} at bytes {}, {} and {}", place.first.type.text(), place.first.at, place.component(1).at,
                      place.component(2).at);
 }
 

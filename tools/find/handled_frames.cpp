@@ -1,7 +1,5 @@
 #include "tools/find/handled_frames.hpp"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <bit>
 #include <cmath>
@@ -23,18 +21,6 @@ bool is_plausible(double value) {
 }
 
 }  // namespace
-
-std::string type_text(const FrameNumber& type) {
-  using enum FrameNumber::Format;
-  return fmt::format("{}{}{}",
-                     type.is_float()                 ? "f"
-                     : type.format == signed_integer ? "i"
-                                                     : "u",
-                     8 * type.bytes,
-                     type.bytes == 1 ? ""
-                     : type.is_big   ? " be"
-                                     : " le");
-}
 
 double value_in(std::span<const std::byte> frame, std::size_t at, const FrameNumber& type) noexcept {
   const std::uint64_t bits = load_number(type, frame.data() + at);

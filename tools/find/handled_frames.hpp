@@ -6,7 +6,6 @@
 #include <cstddef>
 #include <map>
 #include <span>
-#include <string>
 #include <tuple>
 #include <vector>
 
@@ -26,8 +25,6 @@ struct NumberPlace {
   }
 };
 
-// Returns the type for people: "i16 be".
-std::string type_text(const FrameNumber& type);
 // Returns the number in a frame.
 double value_in(std::span<const std::byte> frame, std::size_t at, const FrameNumber& type) noexcept;
 

@@ -53,7 +53,7 @@ std::string reading_text(const Reading& reading, const HandledFrames& frames) {
   const auto [low, high] = std::ranges::minmax(all);
   std::string text =
       fmt::format("bytes {}-{}: {} from {:.5g} to {:.5g}: ", reading.place.at,
-                  reading.place.at + reading.place.type.bytes - 1, type_text(reading.place.type), low, high);
+                  reading.place.at + reading.place.type.bytes - 1, reading.place.type.text(), low, high);
   if (reading.is_moved()) return text + "the turn moves it: an angle, part of an attitude, or a field";
   constexpr double coldest = -40, hottest = 90;
   if (reading.place.type.is_float() && low > coldest && high < hottest && high - low < 20)

@@ -12,12 +12,6 @@ namespace {
 
 using Kind = FrameElement::Kind;
 
-// The largest double below 2^bits that is no more than 2^bits - 1.
-double below_power(unsigned bits) noexcept {
-  const double power = std::ldexp(1.0, static_cast<int>(bits));
-  return bits <= 53 ? power - 1 : std::nextafter(power, 0.0);
-}
-
 // Returns the bytes of a number in its byte order.
 std::vector<std::byte> bytes_of(std::uint64_t bits, const FrameNumber& type) {
   std::vector<std::byte> bytes(type.bytes);

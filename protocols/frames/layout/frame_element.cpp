@@ -95,7 +95,7 @@ void parse_bits(FrameElement& element, std::string_view text, bool is_big) {
                      ", the lower one first");
     field.low = *low;
     field.high = *high;
-    const std::uint64_t mask = (~std::uint64_t{0} >> (63 - (*high - *low))) << *low;
+    const std::uint64_t mask = low_bits(*high - *low + 1) << *low;
     if ((used & mask) != 0) refuse_element(in_quotes(part) + ": a bit is given twice");
     used |= mask;
     if (const auto constant = number_or_hex_in<std::uint64_t>(name)) {

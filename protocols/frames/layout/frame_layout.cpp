@@ -18,11 +18,6 @@ using Format = FrameNumber::Format;
 // A number that is at most so much below an integer, in LSBs, counts as this integer: its factors are not exact.
 constexpr double floor_margin = 1e-6;
 
-// Returns the rounded number, in two's complement. `x` is in [-2^63, 2^64).
-std::uint64_t rounded(double x) noexcept {
-  return x >= 0x1p63 ? static_cast<std::uint64_t>(x) : static_cast<std::uint64_t>(to_integer(x));
-}
-
 // Returns the number with the shortest decimal text that is this float: 0.1 for 0.1f.
 double shortest_decimal(float number) noexcept {
   char text[24];
@@ -102,7 +97,7 @@ std::uint64_t FrameLayout::number_of(const Field& field, const Reading& reading,
   if (!(x >= lowest - margin && x <= highest + margin)) ++saturated;
   if (field.number.format == Format::float32) return std::bit_cast<std::uint32_t>(to_float(limited + field.whole));
   if (field.number.format == Format::float64) return std::bit_cast<std::uint64_t>(limited + field.whole);
-  const std::uint64_t number = rounded(field.is_floor ? std::floor(limited + floor_margin) : limited);
+  const std::uint64_t number = to_integer_bits(field.is_floor ? std::floor(limited + floor_margin) : limited);
   if (field.carry) {
     const double sent = limited >= 0x1p63 ? limited : static_cast<double>(static_cast<std::int64_t>(number));
     carried[*field.carry] = limited - sent;

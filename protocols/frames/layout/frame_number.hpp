@@ -5,11 +5,11 @@
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
+#include <string>
+
+#include "protocols/wire/bits.hpp"
 
 namespace imud {
-
-// Returns a number whose lowest `bits` bits are 1. `bits`: 0 to 64.
-constexpr std::uint64_t low_bits(unsigned bits) noexcept { return bits == 0 ? 0 : ~std::uint64_t{0} >> (64 - bits); }
 
 // A number of a frame: u8 to u64, i8 to i64 in whole bytes, f32, f64.
 struct FrameNumber {
@@ -18,6 +18,11 @@ struct FrameNumber {
   std::size_t bytes = 1;  // 1 to 8
   bool is_big = false;    // high byte first
   bool is_float() const noexcept { return format == Format::float32 || format == Format::float64; }
+  // Returns the type as in "u8", "i16 le" or "f32 be".
+  std::string text() const {
+    const char* const order = bytes == 1 ? "" : is_big ? " be" : " le";
+    return (is_float() ? "f" : format == Format::signed_integer ? "i" : "u") + std::to_string(8 * bytes) + order;
+  }
 };
 
 // store_number() writes the lowest `type.bytes` bytes of `bits`; load_number() reads so many bytes.

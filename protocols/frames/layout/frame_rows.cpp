@@ -11,12 +11,6 @@ namespace {
 
 using Kind = FrameElement::Kind;
 
-std::string type_text(const FrameNumber& type) {
-  const std::string order = type.bytes == 1 ? "" : type.is_big ? " be" : " le";
-  const bool is_signed = type.format == FrameNumber::Format::signed_integer;
-  return (type.is_float() ? "f" : is_signed ? "i" : "u") + std::to_string(8 * type.bytes) + order;
-}
-
 // Returns the bytes of a range, as " 2-17".
 std::string bytes_text(const FrameCheck::Range& range) {
   const auto [begin, end] = range;
@@ -33,7 +27,7 @@ void FrameLayout::Compiler::make_rows() {
   };
   for (const Placed& placed : placed_) {
     const FrameElement& element = placed.element;
-    Row row{placed.offset, element.number.bytes, type_text(element.number), "", "", element.text};
+    Row row{placed.offset, element.number.bytes, element.number.text(), "", "", element.text};
     switch (element.kind) {
       case Kind::label:
         continue;
