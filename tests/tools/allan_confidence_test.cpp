@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
+
 #include "tests/tools/synthetic_noise.hpp"
 #include "tools/allan/allan_curve.hpp"
 
@@ -105,7 +107,7 @@ TEST(AllanConfidence, TheBoundsHoldTheTrueDeviationAsOftenAsStated) {
       for (std::uint64_t seed = 0; seed < 400; ++seed) {
         const auto phase = phase_of(SyntheticNoise(seed).rates(terms, 1000, 1));
         const int alpha = terms.Q > 0 ? 2 : terms.N > 0 ? 0 : -2;
-        const auto bounds = deviation_bounds(allan_deviation(kind, phase, 100),
+        const auto bounds = deviation_bounds(allan_deviations(kind, phase, std::array<std::size_t, 1>{100}).front(),
                                              degrees_of_freedom(kind, alpha, phase.size(), 100), 0.6827);
         const double expected = expected_deviation(kind, terms, {100, 100, 1000});
         if (bounds.low <= expected && expected <= bounds.high) ++held;

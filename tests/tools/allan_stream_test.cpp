@@ -44,18 +44,16 @@ TEST(AllanStream, AFileHasTheDeviationsOfMemory) {
   SampleStore store = stored();
   ASSERT_TRUE(store.is_in_file());
   ASSERT_TRUE(std::ranges::equal(store, rates));
-  const auto phase = phase_of(rates);
-  ASSERT_TRUE(std::ranges::equal(stored_phase_of(stored()), phase));
+  ASSERT_TRUE(std::ranges::equal(phase_of(stored()), phase_of(rates)));
   for (const AllanKind kind : allan_kinds)
     for (const unsigned per_decade : {0U, 7U}) {
       const auto streamed = allan_curve(kind, stored(), 400, per_decade, 0.68);
       ASSERT_GT(streamed.points.size(), 15U);
-      for (const auto& point : streamed.points)
-        EXPECT_NEAR(point.deviation / allan_deviation(kind, phase, point.factor), 1, 1e-11)
-            << name_of(kind) << ' ' << point.factor;
       const auto direct = allan_curve(kind, rates, 400, per_decade, 0.68);
-      for (std::size_t i = 0; i < streamed.points.size(); ++i)
+      for (std::size_t i = 0; i < streamed.points.size(); ++i) {
+        EXPECT_EQ(streamed.points[i].deviation, direct.points[i].deviation) << name_of(kind) << ' ' << i;
         EXPECT_EQ(streamed.points[i].noise, direct.points[i].noise) << name_of(kind) << ' ' << i;
+      }
     }
   store.scale(2);
   EXPECT_EQ(store[store.size() - 1], 2 * rates.back());

@@ -50,7 +50,7 @@ class CoarsePhase {
 AllanCurve allan_curve(AllanKind kind, SampleStore rates, double rate_hz, unsigned per_decade, double confidence) {
   const std::size_t samples = rates.size();
   AllanCurve curve{kind, 1 / rate_hz, static_cast<double>(samples) / rate_hz, samples, {}};
-  const SampleStore phase = stored_phase_of(std::move(rates));
+  const SampleStore phase = phase_of(std::move(rates));
   const auto resident = phase.pages();
   const auto factors = averaging_factors(largest_curve_factor(kind, samples), per_decade);
   const CoarsePhase coarse(phase, resident);

@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <optional>
+#include <utility>
 
 #include "core/numbers/dispatch.hpp"
 
@@ -167,20 +168,6 @@ double mean_of(std::span<const double> rates, const ResidentPages& resident) {
   return sums[0].value() / static_cast<double>(rates.size());
 }
 
-// Calls add(phase), the mean being subtracted, for each point of the phase: for point i after rate i - 1 is read.
-template <class Add>
-void integrate(std::span<const double> rates, const ResidentPages& resident, Add&& add) {
-  constexpr std::size_t points = 4096;
-  const double mean = mean_of(rates, resident);
-  CompensatedSum angle;
-  add(0.0);
-  for (std::size_t i = 0; i < rates.size(); ++i) {
-    angle.add(rates[i] - mean);
-    add(angle.value());
-    if (i % points == 0) resident.touched(points * sizeof(double));
-  }
-}
-
 }  // namespace
 
 std::string_view name_of(AllanKind kind) noexcept {
@@ -201,29 +188,21 @@ std::string_view name_of(AllanKind kind) noexcept {
   return "total";
 }
 
-std::vector<double> phase_of(std::span<const double> rates) {
-  std::vector<double> phase;
-  if (rates.empty()) return phase;
-  phase.reserve(rates.size() + 1);
-  integrate(rates, {}, [&](double angle) { phase.push_back(angle); });
-  return phase;
-}
-
-SampleStore stored_phase_of(SampleStore rates) {
+SampleStore phase_of(SampleStore rates) {
+  constexpr std::size_t points = 4096;
   const std::size_t count = rates.size();
   if (count == 0) return rates;
   rates.extend();
-  // Point i is written after rate i is read: one step after it is computed.
-  double* next = &rates[0];
-  double held = 0;
-  bool is_first = true;
-  const auto write = [&](double angle) {
-    if (!is_first) *next++ = held;
-    is_first = false;
-    held = angle;
-  };
-  integrate(std::span(rates.data(), count), rates.pages(), write);
-  *next = held;
+  double* const x = &rates[0];
+  const ResidentPages resident = rates.pages();
+  const double mean = mean_of(std::span(x, count), resident);
+  CompensatedSum angle;
+  for (std::size_t i = 0; i < count; ++i) {
+    const double rate = std::exchange(x[i], angle.value());
+    angle.add(rate - mean);
+    if (i % points == 0) resident.touched(points * sizeof(double));
+  }
+  x[count] = angle.value();
   return rates;
 }
 
@@ -237,12 +216,6 @@ std::size_t difference_count(AllanKind kind, std::size_t points, std::size_t fac
   if (factor < 1 || factor > largest_factor(kind, points)) return 0;
   if (kind == AllanKind::modified) return points - 3 * factor + 1;
   return kind == AllanKind::total ? points - 2 : (points - 1 - order_of(kind) * factor) / stride_of(kind, factor) + 1;
-}
-
-double allan_deviation(AllanKind kind, std::span<const double> phase, std::size_t factor) noexcept {
-  Differences differences(kind, phase, factor, {});
-  differences.add(0, phase.size());
-  return differences.deviation();
 }
 
 std::vector<double> allan_deviations(AllanKind kind, std::span<const double> phase,

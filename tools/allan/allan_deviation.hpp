@@ -1,4 +1,4 @@
-// allan_deviation: the Allan deviation of equally spaced rates, and its relatives (Riley, Handbook of Frequency
+// allan_deviations: the Allan deviation of equally spaced rates, and its relatives (Riley, Handbook of Frequency
 // Stability Analysis, NIST Special Publication 1065, section 5.2).
 //
 // A rate is an average over one step. Rates are read as SP1065's fractional frequencies, their integral as its phase.
@@ -40,10 +40,8 @@ std::string_view name_of(AllanKind kind) noexcept;
 // Returns the sum of the rates up to each sample, after subtraction of their mean from each rate. The result has
 // one element more than the rates; the first element is 0. The mean has no effect on any deviation; without the
 // mean, and with compensated summation, each element is exact to a few of its own ulps, whatever the number of
-// rates. Empty if there is no rate.
-std::vector<double> phase_of(std::span<const double> rates);
-// Computes the same in place: overwrites the rates.
-SampleStore stored_phase_of(SampleStore rates);
+// rates. Empty if there is no rate. Computed in place: overwrites the rates.
+SampleStore phase_of(SampleStore rates);
 
 // Returns the largest averaging factor for which so many points of phase have a deviation; 0: there is none.
 std::size_t largest_factor(AllanKind kind, std::size_t points) noexcept;
@@ -51,12 +49,9 @@ std::size_t largest_factor(AllanKind kind, std::size_t points) noexcept;
 // Returns the number of squared differences whose mean gives the deviation.
 std::size_t difference_count(AllanKind kind, std::size_t points, std::size_t factor) noexcept;
 
-// Returns the deviation over an averaging time of `factor` samples, in the unit of the rates. The time it takes does
-// not depend on `factor`. 1 <= factor <= largest_factor(kind, phase.size()).
-double allan_deviation(AllanKind kind, std::span<const double> phase, std::size_t factor) noexcept;
-
-// Returns the deviation of each factor, equal to allan_deviation() but for the rounding of the sums, in one pass over
-// the phase: in pieces that fit the processor's cache. `resident`: see SampleStore::pages().
+// Returns, for each factor, the deviation over an averaging time of so many samples, in the unit of the rates; 0 for
+// a factor that is not from 1 to largest_factor(kind, phase.size()). The time it takes does not depend on the
+// factors. Reads the phase once, in pieces that fit the processor's cache. `resident`: see SampleStore::pages().
 std::vector<double> allan_deviations(AllanKind kind, std::span<const double> phase,
                                      std::span<const std::size_t> factors, const ResidentPages& resident = {});
 
