@@ -26,7 +26,7 @@ void append(std::string& row, const FieldValue& value) {
 
 }  // namespace
 
-FieldCsv::FieldCsv(const FieldDecoder& decoder, TextOutput& out) : decoder_(decoder), out_(out) {
+FieldCsv::FieldCsv(const FrameStreamDecoder& decoder, TextOutput& out) : decoder_(decoder), out_(out) {
   const std::span<const FrameKind> kinds = decoder.frame_kinds();
   std::string header = "message,offset";
   std::size_t columns = 0, longest = 0;

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "protocols/frames/layout/frame_fields.hpp"
+#include "protocols/frames/frame_device.hpp"
 #include "tools/text_output.hpp"
 
 namespace imud {
@@ -17,7 +17,7 @@ namespace imud {
 class FieldCsv {
  public:
   // Writes the header. `decoder` and `out` must outlive this.
-  FieldCsv(const FieldDecoder& decoder, TextOutput& out);
+  FieldCsv(const FrameStreamDecoder& decoder, TextOutput& out);
 
   void write(const DecodedFrame& frame);
   std::uint64_t rows() const noexcept { return rows_; }
@@ -31,7 +31,7 @@ class FieldCsv {
     std::uint64_t rows = 0;
   };
 
-  const FieldDecoder& decoder_;
+  const FrameStreamDecoder& decoder_;
   TextOutput& out_;
   std::vector<Kind> kinds_;
   std::vector<FieldValue> values_;

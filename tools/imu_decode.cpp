@@ -124,7 +124,7 @@ int decode(const Options& options, const std::optional<Settings>& like, FilesInU
   const Settings settings =
       settings_from(like.value_or(Settings(protocol.settings)), protocol.settings, options.input.settings);
   const auto decoder = protocol.make_decoder(settings);
-  auto* const field_decoder = dynamic_cast<FieldDecoder*>(decoder.get());
+  auto* const field_decoder = dynamic_cast<FrameStreamDecoder*>(decoder.get());
   if (options.fields && field_decoder == nullptr)
     throw std::invalid_argument(fmt::format("--fields is for protocol frame: {} has no description", protocol.name));
   const auto port = open_port(options.input.port, Role::listener);

@@ -111,7 +111,7 @@ class FrameDevice final : public Device, private FrameHost::Unit {
 // carries are 0. Clocks and counters are unwrapped. If the stream has no counter of samples, the measurement has the
 // counter of a message. If it has no clock either, and all messages are sent with each sample, the measurement has
 // the counter of all messages.
-class FrameStreamDecoder final : public Decoder, public FieldDecoder, public CollectingDecoder {
+class FrameStreamDecoder final : public Decoder, public CollectingDecoder {
  public:
   // `values`: the probable values of the unit's settings. Messages that are sent with these values are tried
   // first, because other messages may have the same constants.
@@ -120,9 +120,13 @@ class FrameStreamDecoder final : public Decoder, public FieldDecoder, public Col
   void feed(const Frame& frame, MeasurementSink& sink) override;
   void finish(MeasurementSink& sink) override;
   bool holds_measurement() const noexcept override { return found_ != 0; }
-  std::span<const FrameKind> frame_kinds() const noexcept override { return kinds_; }
-  void pass_frames_to(FrameReceiver* receiver) noexcept override { receiver_ = receiver; }
-  void read_fields(const DecodedFrame& frame, std::span<FieldValue> values) const noexcept override {
+  std::span<const FrameKind> frame_kinds() const noexcept { return kinds_; }
+  // Passes each frame that is decoded from now on to `receiver`, even if other frames of the same sample are
+  // missing; nullptr: passes no frames. Requires that `receiver` exists as long as the decoder is called.
+  void pass_frames_to(FrameReceiver* receiver) noexcept { receiver_ = receiver; }
+  // Reads the fields of a frame during FrameReceiver::on_frame(). `values`: one element for each name of the
+  // frame's kind.
+  void read_fields(const DecodedFrame& frame, std::span<FieldValue> values) const noexcept {
     known_[frame.kind].message.layout->read_fields(frame.bytes, values);
   }
 

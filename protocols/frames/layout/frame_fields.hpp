@@ -32,7 +32,7 @@ struct FrameKind {
 
 // A frame of one of the kinds. It is valid during the call that passes it.
 struct DecodedFrame {
-  std::size_t kind = 0;      // index in FieldDecoder::frame_kinds()
+  std::size_t kind = 0;      // index in FrameStreamDecoder::frame_kinds()
   std::uint64_t offset = 0;  // bytes of the input before the frame; SLIP, HDLC: before the byte after the mark
   std::span<const std::byte> bytes;  // without the escapes of its framing
 };
@@ -43,21 +43,6 @@ class FrameReceiver {
 
  protected:
   ~FrameReceiver() = default;
-};
-
-// The second base class of a Decoder whose frames have named fields.
-class FieldDecoder {
- public:
-  virtual std::span<const FrameKind> frame_kinds() const noexcept = 0;
-  // Passes each frame that is decoded from now on to `receiver`, even if other frames of the same sample are
-  // missing; nullptr: passes no frames. Requires that `receiver` exists as long as the decoder is called.
-  virtual void pass_frames_to(FrameReceiver* receiver) noexcept = 0;
-  // Reads the fields of a frame during FrameReceiver::on_frame(). `values`: one element for each name of the
-  // frame's kind.
-  virtual void read_fields(const DecodedFrame& frame, std::span<FieldValue> values) const noexcept = 0;
-
- protected:
-  ~FieldDecoder() = default;
 };
 
 }  // namespace imud

@@ -23,7 +23,7 @@ class FieldRecording final : public FrameReceiver {
     std::uint64_t offset = 0;
     std::map<std::string, FieldValue> fields;
   };
-  explicit FieldRecording(Decoder& decoder) : decoder_(dynamic_cast<FieldDecoder&>(decoder)) {
+  explicit FieldRecording(Decoder& decoder) : decoder_(dynamic_cast<FrameStreamDecoder&>(decoder)) {
     decoder_.pass_frames_to(this);
   }
   ~FieldRecording() { decoder_.pass_frames_to(nullptr); }
@@ -41,7 +41,7 @@ class FieldRecording final : public FrameReceiver {
   std::vector<Row> rows;
 
  private:
-  FieldDecoder& decoder_;
+  FrameStreamDecoder& decoder_;
 };
 
 }  // namespace imud

@@ -329,7 +329,7 @@ TEST(FrameFields, NamesThatOccurTwiceGetANumber) {
                            "[[message]]\nname = \"m\"\nlayout = [\"A5 02\", \"sample_counter:u8\"]\n"
                            "[[message]]\nname = \"m_2\"\nlayout = [\"A5 03\", \"sample_counter:u8\"]\n";
   Line line = frame_line(text);
-  const auto kinds = dynamic_cast<FieldDecoder&>(*line.decoder).frame_kinds();
+  const auto kinds = dynamic_cast<FrameStreamDecoder&>(*line.decoder).frame_kinds();
   ASSERT_EQ(kinds.size(), 3U);
   EXPECT_EQ(kinds[0].name, "m");
   EXPECT_EQ(kinds[0].fields, (std::vector<std::string>{"sample_counter", "sample_counter_2"}));
