@@ -71,7 +71,6 @@ struct PortCounters {
   std::uint64_t dropped = 0;     // frames that the kernel did not take; a frame taken in part is not counted yet
   std::uint64_t failed = 0;      // of the dropped: frames lost to an error of a file, such as a full disk
   std::uint64_t received = 0;    // frames or chunks
-  std::uint64_t confirmed = 0;   // frames whose transmission was confirmed, see next_confirmation()
   std::uint64_t lost_count = 0;  // times the device was lost; streams of a capture that others follow
   std::uint64_t truncated = 0;   // datagrams of a capture that are cut short, or fragments; holes in its streams
   std::uint64_t not_ours = 0;    // packets of a capture that are not UDP, or for another port

@@ -111,6 +111,12 @@ void collect_confirmations(Port& port) {
   while (::poll(&ready, 1, 200) == 1) EXPECT_EQ(port.receive(), std::nullopt);
 }
 
+std::size_t confirmed(Port& port) {
+  std::size_t count = 0;
+  while (port.next_confirmation()) ++count;
+  return count;
+}
+
 TEST_F(Can, OwnFramesAreConfirmedAndNotReceived) {
   const Node node("vcan0");
   const auto port = open("vcan0?confirm=yes");
@@ -125,7 +131,6 @@ TEST_F(Can, OwnFramesAreConfirmedAndNotReceived) {
   EXPECT_EQ(port->receive(), std::nullopt);
   const HostTime after = host_now();
   EXPECT_EQ(port->counters().received, 1U);
-  EXPECT_EQ(port->counters().confirmed, 4U);
   HostTime last = before - 20ms;  // the guest's stamps have the resolution of its tick
   for (const std::uint32_t id : {0x100U, 0x101U, 0x1ABCDEFU, 0x7FU}) {
     const auto confirmation = port->next_confirmation();
@@ -144,7 +149,6 @@ TEST_F(Can, TheLatestConfirmationsAreKept) {
   const auto port = open("vcan0?confirm=yes");
   for (std::uint8_t i = 0; i < 2; ++i) send_sample(*port, i, 50);
   collect_confirmations(*port);
-  EXPECT_EQ(port->counters().confirmed, 100U);
   std::vector<std::uint32_t> ids;
   while (const auto confirmation = port->next_confirmation()) ids.push_back(confirmation->can.id);
   ASSERT_EQ(ids.size(), Port::max_confirmations);
@@ -158,7 +162,7 @@ TEST_F(Can, OwnFramesAreConfirmedIfTheyPassTheFilters) {
   port->set_filters(filters);
   send_sample(*port, 1, 3);
   collect_confirmations(*port);
-  EXPECT_EQ(port->counters().confirmed, 1U);
+  EXPECT_EQ(confirmed(*port), 1U);
 }
 
 TEST_F(Can, WithoutConfirmationOwnFramesDoNotComeBack) {
@@ -167,7 +171,7 @@ TEST_F(Can, WithoutConfirmationOwnFramesDoNotComeBack) {
   pollfd ready{port->descriptor(), POLLIN, 0};
   EXPECT_EQ(::poll(&ready, 1, 100), 0);
   EXPECT_EQ(port->receive(), std::nullopt);
-  EXPECT_EQ(port->counters().confirmed, 0U);
+  EXPECT_EQ(confirmed(*port), 0U);
 }
 
 // Two units on one bus in the same process: the frames of the other one are not taken for an echo.
@@ -178,7 +182,7 @@ TEST_F(Can, AnotherPortsFramesWithTheSameIdentifierAreReceived) {
   const auto received = receive_next(*port);
   ASSERT_TRUE(received.has_value());
   EXPECT_EQ(received->frame.can.id, 0x100U);
-  EXPECT_EQ(port->counters().confirmed, 0U);
+  EXPECT_EQ(confirmed(*port), 0U);
 }
 
 TEST_F(Can, ARealDriversFramesAreConfirmed) {
@@ -189,7 +193,7 @@ TEST_F(Can, ARealDriversFramesAreConfirmed) {
   ASSERT_TRUE(drain(*port));
   EXPECT_EQ(controller.frames(50U), 50U);
   collect_confirmations(*port);
-  EXPECT_EQ(port->counters().confirmed, 50U);
+  EXPECT_EQ(confirmed(*port), 50U);
 }
 
 // A driver that echoes frames itself, as vcan does with echo=1 (WITH_VCAN_ECHO=1), does so after it has sent them;
@@ -200,7 +204,7 @@ TEST_F(Can, FramesInTheInterfacesQueueAreConfirmedAsTheDriverDoes) {
   send_sample(*port, 2, 3);
   EXPECT_EQ(port->counters().sent, 3U);
   collect_confirmations(*port);
-  EXPECT_EQ(port->counters().confirmed, run_command("grep -q Y /sys/module/vcan/parameters/echo") ? 0U : 3U);
+  EXPECT_EQ(confirmed(*port), run_command("grep -q Y /sys/module/vcan/parameters/echo") ? 0U : 3U);
 }
 
 TEST_F(Can, ArrivalIsStampedByTheKernel) {

@@ -240,7 +240,6 @@ void CanPort::enter(PortState state, std::uint64_t& times) noexcept {
 }
 
 void CanPort::confirm(const CanLink::Received& received) noexcept {
-  ++counters_.confirmed;
   confirmations_[confirmations_end_] = {header_of(received.fd), received.time};
   confirmations_end_ = (confirmations_end_ + 1) % max_confirmations;
   confirmation_count_ = std::min(confirmation_count_ + 1, max_confirmations);
