@@ -32,11 +32,6 @@ bool is_served(const SocketAddress& address) noexcept {
   return ::connect(probe.get(), address.get(), address.size) == 0 || (errno != ECONNREFUSED && errno != ENOENT);
 }
 
-bool is_socket(const std::string& path) noexcept {
-  struct stat status {};
-  return ::lstat(path.c_str(), &status) == 0 && S_ISSOCK(status.st_mode);
-}
-
 // Renames the socket at `fresh`, which listens already, to `path`. Replaces a socket at `path` whose process has
 // ended. Returns 0, or the errno; EADDRINUSE: another process serves the socket there; EEXIST: another file is
 // there.
@@ -45,7 +40,8 @@ int name_socket(const PortSpec& spec, const std::string& fresh, const std::strin
   for (int attempt = 0; attempt < 3; ++attempt) {
     if (::link(fresh.c_str(), path.c_str()) == 0) return 0;
     if (errno != EEXIST) return errno;
-    if (!is_socket(path)) return EEXIST;
+    std::error_code error;
+    if (!is_socket(std::filesystem::symlink_status(path, error))) return EEXIST;
     if (is_served(SocketAddress::unix_path(spec))) return EADDRINUSE;
     // Another process may do the same now. The process that moves the old socket away also removes that socket. A
     // process that has moved the new socket of the other process instead puts the new socket back.

@@ -67,16 +67,14 @@ std::vector<Instance> sockets_in(const std::string& folder) {
   return all;
 }
 
-bool is_socket(const std::string& path) {
-  struct stat status {};
-  return ::lstat(path.c_str(), &status) == 0 && S_ISSOCK(status.st_mode);
-}
-
 // Removes the sockets on which no process listens.
 void remove_stale(const std::string& folder) {
   const FileDescriptor lock = locked_folder_of(folder + "/");
+  std::error_code error;
   for (const Instance& one : sockets_in(folder))
-    if (is_socket(one.path) && !connect_to_socket(one.path) && errno == ECONNREFUSED) ::unlink(one.path.c_str());
+    if (is_socket(std::filesystem::symlink_status(one.path, error)) && !connect_to_socket(one.path) &&
+        errno == ECONNREFUSED)
+      ::unlink(one.path.c_str());
 }
 
 std::string names_text(const std::vector<Instance>& all) {
