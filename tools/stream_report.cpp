@@ -3,10 +3,12 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <iterator>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
+#include "emulator/ground/plural.hpp"
 #include "tools/duration_text.hpp"
 
 namespace imud {
@@ -17,10 +19,6 @@ std::optional<double> duration_s(const StreamStatistics& statistics) {
   for (const auto* rate : {&statistics.device(), &statistics.arrival()})
     if (rate->steps > 0) return seconds(rate->time);
   return std::nullopt;
-}
-
-std::string plural(std::uint64_t count, std::string_view noun) {
-  return fmt::format("{} {}{}", count, noun, count == 1 ? "" : "s");
 }
 
 std::string rates(const StreamStatistics& statistics) {

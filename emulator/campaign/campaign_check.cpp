@@ -10,6 +10,7 @@
 
 #include "emulator/campaign/case_cost.hpp"
 #include "emulator/drive/assembly.hpp"
+#include "emulator/ground/plural.hpp"
 
 namespace imud {
 namespace {
@@ -87,8 +88,7 @@ void print_axes(const Campaign& campaign) {
   std::vector<std::string> factors;
   for (const CampaignAxis& axis : campaign.axes) factors.push_back(fmt::to_string(axis.values.size()));
   if (campaign.draws) factors.push_back(fmt::format("{} draws", campaign.draws->plan.count));
-  const std::uint64_t seeds = campaign.seeds.size();
-  factors.push_back(fmt::format("{} seed{}", seeds, seeds == 1 ? "" : "s"));
+  factors.push_back(plural(campaign.seeds.size(), "seed"));
   fmt::print("{:<8} {}: {}\n", "cases", campaign.cases(), fmt::join(factors, " x "));
   constexpr std::size_t most_shown = 6;
   for (const CampaignAxis& axis : campaign.axes) {
@@ -132,11 +132,11 @@ void print_cost(const Campaign& campaign) {
   const bool is_paced = campaign.test && campaign.test->clock == ClockMode::realtime;
   const double rounds = cases / cost.processors;  // more processors do not shorten a case in real time
   const double all_s = cost.case_s * (is_paced ? std::ceil(rounds) : rounds);
-  fmt::print("{:<8} {}{} a case ({}: case{} {}), {}{} for all {} the {} processor{} here{}\n", "time",
+  fmt::print("{:<8} {}{} a case ({}: case{} {}), {}{} for all {} the {} here{}\n", "time",
              cost.is_cut ? "more than " : "", rough_time(cost.case_s), is_paced ? "by the capture" : "measured",
              cost.cases.size() == 1 ? "" : "s", fmt::join(cost.cases, ", "), cost.is_cut ? "more than " : "",
-             rough_time(all_s), is_paced ? "in as many processes as" : "on", cost.processors,
-             cost.processors == 1 ? "" : "s", campaign.test ? ", without [test]" : "");
+             rough_time(all_s), is_paced ? "in as many processes as" : "on", plural(cost.processors, "processor"),
+             campaign.test ? ", without [test]" : "");
   fmt::print("{:<8} {} a case, {} for all\n", "results", rough_size(cost.row_bytes),
              rough_size(cost.row_bytes * cases));
 }

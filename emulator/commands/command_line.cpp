@@ -26,6 +26,7 @@
 #include "emulator/commands/list.hpp"
 #include "emulator/commands/selftest.hpp"
 #include "emulator/config/load_config.hpp"
+#include "emulator/ground/plural.hpp"
 #include "emulator/init/example.hpp"
 #include "emulator/init/init.hpp"
 #include "emulator/plan/config.hpp"
@@ -347,7 +348,7 @@ int execute(int argc, const char* const* argv) {
     return run(read(), arguments.run);
   } catch (const ConfigError& error) {
     print_fault(error.what());
-    print_fault(fmt::format("{} fault{}", error.faults.size(), error.faults.size() == 1 ? "" : "s"));
+    print_fault(plural(error.faults.size(), "fault"));
     return 2;
   } catch (const PortError& error) {
     print_fault(fmt::format("{}: {}", arguments.config.empty() ? "imud" : arguments.config, error.what()));

@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include "emulator/ground/plural.hpp"
+
 namespace imud {
 namespace {
 
@@ -14,10 +16,9 @@ std::string share_text(double average_percent, double percent) {
 }  // namespace
 
 std::string LineLoad::text() const {
-  std::string line = frames_per_sample == 0
-                         ? fmt::format("{:.0f} frames/s", frames_per_s)
-                         : fmt::format("{} frame{} of {} bytes together per sample", frames_per_sample,
-                                       frames_per_sample == 1 ? "" : "s", bytes_per_sample);
+  std::string line = frames_per_sample == 0 ? fmt::format("{:.0f} frames/s", frames_per_s)
+                                            : fmt::format("{} of {} bytes together per sample",
+                                                          plural(frames_per_sample, "frame"), bytes_per_sample);
   const bool varies = average_bits_per_s < bits_per_s;
   line += varies ? fmt::format(", {:.0f} bit/s on average and {:.0f} at most", average_bits_per_s, bits_per_s)
                  : fmt::format(", {:.0f} bit/s", bits_per_s);

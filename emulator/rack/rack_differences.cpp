@@ -9,6 +9,8 @@
 #include <string>
 #include <vector>
 
+#include "emulator/ground/plural.hpp"
+
 namespace imud {
 namespace {
 
@@ -70,8 +72,8 @@ Json differences(const Json& hosts) {
         remarks.push_back(
             fmt::format("{}: its clock is not known to be synchronised, and may differ from the others", name));
       if (const auto steps = clock.value("steps", std::uint64_t{0}); steps > 0)
-        remarks.push_back(fmt::format("{}: its clock has been set {} time{} since {} began", name, steps,
-                                      steps == 1 ? "" : "s", run["name"].get<std::string>()));
+        remarks.push_back(fmt::format("{}: its clock has been set {} since {} began", name, plural(steps, "time"),
+                                      run["name"].get<std::string>()));
       add_begins(run, owner, begins);
     }
   }

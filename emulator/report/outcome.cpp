@@ -6,15 +6,12 @@
 #include <algorithm>
 #include <utility>
 
+#include "emulator/ground/plural.hpp"
 #include "emulator/report/summary.hpp"
 #include "transports/port.hpp"
 
 namespace imud {
 namespace {
-
-std::string plural(std::uint64_t count, std::string_view noun) {
-  return fmt::format("{} {}{}", count, noun, count == 1 ? "" : "s");
-}
 
 bool is_of_others(Refusal refusal) { return refusal == Refusal::other_stream || refusal == Refusal::foreign_sender; }
 

@@ -20,6 +20,7 @@
 #include "emulator/faults/fault_labels.hpp"
 #include "emulator/ground/exit_code.hpp"
 #include "emulator/ground/host.hpp"
+#include "emulator/ground/plural.hpp"
 #include "emulator/ground/progress_line.hpp"
 #include "emulator/ground/text_file.hpp"
 #include "emulator/seeds/seed_arrays.hpp"
@@ -354,8 +355,8 @@ int replay_seeds(const Config& config, const RunOptions& options, const SeedsOpt
   for (const auto& [seed, summary] : results.by_seed()) all["seeds"].push_back(summary);
   attempt([&] { summary_file.replace(all.dump(1) + "\n"); });
   TextFile printed = options.summary_file == "-" ? TextFile::standard_error() : TextFile("-");
-  printed.write(fmt::format("ran      {:.3f} s, {} runs of {} seed{}, {} samples, {:.3g} samples/s\n", duration_s,
-                            done, runs.seeds(), runs.seeds() == 1 ? "" : "s", results.samples(),
+  printed.write(fmt::format("ran      {:.3f} s, {} runs of {}, {} samples, {:.3g} samples/s\n", duration_s, done,
+                            plural(runs.seeds(), "seed"), results.samples(),
                             static_cast<double>(results.samples()) / duration_s));
   printed.write(fmt::format("ended    by {}, {}\n", is_whole ? "end_of_capture" : "signal",
                             exit_code == 0 && !failure ? "complete" : "incomplete or failed"));

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "core/units.hpp"
+#include "emulator/ground/plural.hpp"
 #include "tools/text_output.hpp"
 
 namespace imud {
@@ -178,9 +179,8 @@ std::string sensor_preset(const std::optional<FitReport::Sensor>& sensor, bool i
 }  // namespace
 
 std::string FitReport::text() const {
-  std::string out =
-      fmt::format("recording  {} samples at {:.6g} Hz, {} dwell{}, {:.4g} degrees Celsius in the mean\n", samples,
-                  rate_hz, dwells, dwells == 1 ? "" : "s", reference_c);
+  std::string out = fmt::format("recording  {} samples at {:.6g} Hz, {}, {:.4g} degrees Celsius in the mean\n",
+                                samples, rate_hz, plural(dwells, "dwell"), reference_c);
   for (const bool is_rate : {true, false}) {
     const std::optional<Sensor>& sensor = is_rate ? gyro : accelerometer;
     if (!sensor) {
