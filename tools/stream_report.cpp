@@ -32,10 +32,6 @@ std::string rates(const StreamStatistics& statistics) {
              : "unknown: neither the samples nor the input carry a time";
 }
 
-nlohmann::json number_or_null(std::optional<double> number) {
-  return number ? nlohmann::json(*number) : nlohmann::json(nullptr);
-}
-
 // A layout that the settings describe may have checksums.
 bool may_have_checksum(const Protocol& protocol) { return protocol.has_checksum || protocol.layout != nullptr; }
 
@@ -130,22 +126,23 @@ std::string StreamReport::json() const {
   using Json = nlohmann::ordered_json;
   const DurationHistogram& jitter = statistics.jitter();
   Json jitter_us, limits = Json::array();
+  constexpr double unknown = NAN;  // dump() writes null
   if (jitter.count() > 0)
     jitter_us = {{"p50", jitter.percentile(50) * 1e6},
                  {"p99", jitter.percentile(99) * 1e6},
                  {"p999", jitter.percentile(99.9) * 1e6},
                  {"max", jitter.max() * 1e6}};
   for (const Requirement& limit : required)
-    limits.push_back({{"limit", limit.text}, {"seen", number_or_null(seen(limit))}, {"holds", holds(limit)}});
+    limits.push_back({{"limit", limit.text}, {"seen", seen(limit).value_or(unknown)}, {"holds", holds(limit)}});
   const auto of_gaps = [&](std::uint64_t n) { return statistics.can_detect_gaps() ? Json(n) : Json(); };
   const Json report = {{"protocol", protocol.name},
                        {"port", port},
                        {"ended_by", ended_by},
                        {"samples", statistics.samples()},
-                       {"duration_s", number_or_null(duration_s(statistics))},
+                       {"duration_s", duration_s(statistics).value_or(unknown)},
                        {"rate_hz",
-                        {{"device", number_or_null(statistics.device().hz())},
-                         {"arrival", number_or_null(statistics.arrival().hz())}}},
+                        {{"device", statistics.device().hz().value_or(unknown)},
+                         {"arrival", statistics.arrival().hz().value_or(unknown)}}},
                        {"jitter_us", jitter_us},
                        {"gaps", of_gaps(statistics.gaps())},
                        {"missing", of_gaps(statistics.missing())},

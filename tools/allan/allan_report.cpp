@@ -36,13 +36,7 @@ constexpr auto force_units = std::to_array<TermUnit>({
 constexpr TermUnit rate_deviation = {"deviation", "rad/s", "deg/h", "", hour / units::degree};
 constexpr TermUnit force_deviation = {"deviation", "m/s^2", "mg", "", 1 / milli_g};
 
-// A number, or null for a number that JSON cannot represent.
-nlohmann::json number_or_null(double number) {
-  return std::isfinite(number) ? nlohmann::json(number) : nlohmann::json(nullptr);
-}
-nlohmann::json number_or_null(std::optional<double> number) {
-  return number ? number_or_null(*number) : nlohmann::json(nullptr);
-}
+constexpr double unknown = NAN;  // dump() of JSON writes null for a number that is not finite
 
 std::string term_text(const AllanFit::Term& term, const TermUnit& unit) {
   if (!term.value) {
@@ -54,17 +48,16 @@ std::string term_text(const AllanFit::Term& term, const TermUnit& unit) {
 }
 
 nlohmann::ordered_json term_json(const AllanFit::Term& term, const TermUnit& unit) {
-  const auto scaled = [&](double value) { return number_or_null(unit.factor * value); };
-  const auto error = term.value ? std::optional(term.error) : std::nullopt;
+  const double value = term.value.value_or(unknown), error = term.value ? term.error : unknown;
   return {{"name", unit.name},
-          {"si", number_or_null(term.value)},
-          {"si_error", number_or_null(error)},
+          {"si", value},
+          {"si_error", error},
           {"si_unit", unit.si},
-          {"datasheet", term.value ? scaled(*term.value) : nullptr},
-          {"datasheet_error", error ? scaled(*error) : nullptr},
+          {"datasheet", unit.factor * value},
+          {"datasheet_error", unit.factor * error},
           {"datasheet_unit", unit.datasheet},
           {"key", unit.key},
-          {"least_seen_si", number_or_null(term.least_seen)}};
+          {"least_seen_si", term.least_seen}};
 }
 
 // The value of a term for a limit, in SI.
@@ -218,7 +211,7 @@ std::string AllanReport::json() const {
     for (const auto& point : axis.curve.points) {
       entry["tau_s"].push_back(point.tau_s);
       entry["adev"].push_back(point.deviation);
-      entry["confidence"].push_back({number_or_null(point.bounds.low), number_or_null(point.bounds.high)});
+      entry["confidence"].push_back({point.bounds.low, point.bounds.high});
       entry["degrees_of_freedom"].push_back(point.degrees);
       entry["noise_exponent"].push_back(point.noise);
       entry["fitted"].push_back(
@@ -240,7 +233,7 @@ std::string AllanReport::json() const {
   report["required"] = nlohmann::ordered_json::array();
   for (const Requirement& limit : required)
     report["required"].push_back(
-        {{"limit", limit.text}, {"seen", number_or_null(seen(limit))}, {"holds", holds(limit)}});
+        {{"limit", limit.text}, {"seen", seen(limit).value_or(unknown)}, {"holds", holds(limit)}});
   return report.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
 }
 

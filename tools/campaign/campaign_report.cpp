@@ -116,25 +116,21 @@ std::string noted_text(const CampaignRows& rows, const CaseStatistics::Noted& no
                      noted.description, rows.repeat_command(noted.index));
 }
 
-// A number of JSON, which has no NaN.
-nlohmann::ordered_json json_number(double number) {
-  return std::isfinite(number) ? nlohmann::ordered_json(number) : nlohmann::ordered_json();
-}
-
+// A number that is not finite becomes null.
 nlohmann::ordered_json json_of(const Figure& figure, const Moments& moments, const std::vector<double>& sorted) {
   nlohmann::ordered_json json = {{"runs", moments.runs}};
   if (figure.is_expectation) {
     const Interval interval = wilson_interval(moments.passes, moments.runs);
     json["passes"] = moments.passes;
-    json["rate"] = moments.runs == 0 ? json_number(NAN) : json_number(rate_of(moments));
+    json["rate"] = moments.runs == 0 ? NAN : rate_of(moments);
     json["wilson_95"] = {interval.low, interval.high};
     return json;
   }
-  json["mean"] = moments.runs == 0 ? json_number(NAN) : json_number(moments.mean);
-  json["standard_deviation"] = json_number(moments.deviation());
-  json["min"] = json_number(moments.min);
-  for (const auto& one : percentiles) json[one.name] = json_number(percentile(sorted, one.share));
-  json["max"] = json_number(moments.max);
+  json["mean"] = moments.runs == 0 ? NAN : moments.mean;
+  json["standard_deviation"] = moments.deviation();
+  json["min"] = moments.min;
+  for (const auto& one : percentiles) json[one.name] = percentile(sorted, one.share);
+  json["max"] = moments.max;
   return json;
 }
 
