@@ -79,8 +79,6 @@ void AttitudeReference::take(Sample& sample) noexcept {
   write(sample);
 }
 
-// --- Alignment
-
 // GivenHeading::ahead_P is in the axes of the platform at the begin of the window. The direction does not turn with
 // the platform, so that a new window needs its components in the new axes.
 void AttitudeReference::begin_window() noexcept {
@@ -164,8 +162,6 @@ void AttitudeReference::begin_filter(const Quaternion& q_LP, const Vector2& sigm
   if (!to_given) filter_.update(heading_by(field_L));
 }
 
-// --- Aids
-
 AttitudeReference::Field AttitudeReference::field_of(const Vector3& field_L) noexcept {
   return {field_L.norm(), field_L.z() / horizontal(field_L).norm()};
 }
@@ -207,8 +203,6 @@ void AttitudeReference::use_heading(const Sample& sample) noexcept {
   used_ |= aid::magnetic_heading;
   ++headings_.used;
 }
-
-// --- Output
 
 // An error of the accelerometers is a tilt that the filter cannot see.
 void AttitudeReference::write(Sample& sample) const noexcept {

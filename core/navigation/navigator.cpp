@@ -172,8 +172,6 @@ void Navigator::hold(bool is_held, TruthTime time, double dt) noexcept {
   if (held_s > longest_hold_s || (is_aligned_ && stood_still)) is_aligned_ = has_begun_ = false;
 }
 
-// --- Alignment
-
 void Navigator::align(const Sample& sample, const At& at, double dt) noexcept {
   if (number_++ > 0 && dt > 0) alignment_.add(sample.delta_angle, sample.delta_velocity, dt, sample.magnetic_field);
   const Navigation& fix = sample.navigation;
@@ -303,8 +301,6 @@ void Navigator::remember_motion() noexcept {
   past_[number_ % past_.size()] = {filter_.motion().v_N - corrections_.v_N, filter_.motion().r_N - corrections_.r_N};
 }
 
-// --- Frames
-
 Quaternion Navigator::q_NL(const PositionVelocity& position, const Navigation& place) const noexcept {
   return earth_.q_LN(position, place).conjugate();
 }
@@ -322,8 +318,6 @@ PositionVelocity Navigator::position_of(const At& at) const noexcept {
 }
 
 Navigation Navigator::place(const At& at) const noexcept { return earth_.navigation(position_of(at)); }
-
-// --- Output
 
 // The attitude is levelled by the mean of the specific force, as if this were gravity's reaction alone, and turned
 // north by the magnetic field, without declination.

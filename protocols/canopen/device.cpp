@@ -97,8 +97,6 @@ class CanopenDevice final : public Device {
   std::span<const std::uint64_t> counts() const noexcept override { return counts_; }
 
  private:
-  // --- States
-
   void restart(DeviceTime now) noexcept {
     node_.alarms.clear();
     state_ = State::booting;
@@ -204,8 +202,6 @@ class CanopenDevice final : public Device {
         return;
     }
   }
-
-  // --- Messages
 
   void receive_remote(std::uint32_t id, DeviceTime now, FrameBuffer& out) noexcept {
     if (node_id_ == unconfigured) return;

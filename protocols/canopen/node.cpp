@@ -43,8 +43,6 @@ void Node::load_communication() noexcept {
   pdos.update();
 }
 
-// --- Reading
-
 std::string_view Node::text(const Object& object) const noexcept {
   switch (object.index) {
     case 0x1008:
@@ -91,8 +89,6 @@ Abort Node::read(std::uint16_t index, std::uint8_t sub, std::span<std::byte> val
   size = bytes.size();
   return Abort::none;
 }
-
-// --- Writing
 
 Abort Node::check_write(std::uint16_t index, std::uint8_t sub, std::optional<std::size_t> size) const noexcept {
   const std::size_t position = find_object(index, sub);

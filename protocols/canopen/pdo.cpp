@@ -67,8 +67,6 @@ void TransmitPdos::update() noexcept {
             [&](std::uint8_t a, std::uint8_t b) { return pdos_[a].id() < pdos_[b].id(); });
 }
 
-// --- Parameters
-
 Abort TransmitPdos::check(const Object& object, std::uint64_t value) const noexcept {
   const unsigned i = object.index & 0xFFU;
   return object.index < 0x1A00 ? check_communication(i, object.sub, value) : check_mapping(i, object.sub, value);
@@ -117,8 +115,6 @@ Abort TransmitPdos::check_mapping(unsigned i, unsigned sub, std::uint64_t value)
   }
   return size > largest_payload ? Abort::mapping_length : Abort::none;
 }
-
-// --- Transmission
 
 void TransmitPdos::add(const Sample& sample) noexcept {
   for (Pdo& pdo : pdos_) {

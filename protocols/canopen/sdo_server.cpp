@@ -86,8 +86,6 @@ void SdoServer::receive(Request request, DeviceTime now, FrameBuffer& out) noexc
 
 void SdoServer::time_out(FrameBuffer& out) noexcept { abort(Abort::timeout, out); }
 
-// --- Upload
-
 // Reads the object that the request addresses. Returns false, after an abort, if the object cannot be read.
 bool SdoServer::open(Request request, FrameBuffer& out) noexcept {
   address(request);
@@ -129,8 +127,6 @@ void SdoServer::upload_segment(unsigned command, FrameBuffer& out) noexcept {
   answer(message, out);
   if (is_last) finish();
 }
-
-// --- Download
 
 void SdoServer::begin_download(Request request, DeviceTime now, FrameBuffer& out) noexcept {
   address(request);
@@ -192,8 +188,6 @@ void SdoServer::store(std::span<const std::byte> value, const Message& message, 
   finish();
 }
 
-// --- Block download
-
 void SdoServer::begin_block_download(Request request, FrameBuffer& out) noexcept {
   const unsigned first = byte(request, 0);
   has_crc_ = (first & 4U) != 0;
@@ -229,8 +223,6 @@ void SdoServer::end_block_download(Request request, DeviceTime now, FrameBuffer&
   const Message message = {std::byte{0xA1}};
   store(std::span(data_).first(size_), message, now, out);
 }
-
-// --- Block upload
 
 void SdoServer::begin_block_upload(Request request, FrameBuffer& out) noexcept {
   const unsigned switch_threshold = byte(request, 5);
@@ -288,8 +280,6 @@ void SdoServer::acknowledge_block(Request request, DeviceTime now, FrameBuffer& 
   answer(message, out);
   transfer_ = Transfer::block_upload_end;
 }
-
-// --- All transfers
 
 void SdoServer::address(Request request) noexcept {
   finish();

@@ -26,7 +26,6 @@ namespace {
 
 constexpr double accel_lsb = 0.01, gyro_lsb = 0.001, temperature_lsb = 0.01;
 
-// --- Numbers that only this product has ---
 // IMU_STATUS (sbgEComLogImu.h): good communication is bit 0, the general built-in test bit 1, the tests of the
 // sensors bits 2 to 7. Bits 8 and 9: accelerometers and gyros are within their range.
 double imu_status(const Reading& reading) noexcept {
@@ -124,7 +123,6 @@ double accuracy(const Reading& reading) noexcept {
   return std::min(largest, static_cast<double>(((*reading.sample.solution).*Member)[Axis]));
 }
 
-// --- The receiver ---
 // GPS_POS_STATUS and GPS_VEL_STATUS (sbgEComLogGnssPos.h, sbgEComLogGnssVel.h). Bits 0 to 5: 0 computed, 1 too few
 // satellites. Bits 6 to 11, the type: of a position 2, single; of a velocity 2, Doppler; 0 without a solution. Bit
 // 12: GPS L1 is used, which is chosen.
@@ -161,7 +159,6 @@ double gps_heading_accuracy(const Reading& reading) noexcept {
   return line != nullptr ? std::clamp(line->sigma, heading_lsb, units::pi - heading_lsb) : units::pi;
 }
 
-// --- The barometer ---
 // AIR_DATA_STATUS (doc/binaryMessages.md): bit 1: the pressure is valid, bit 2: the altitude is valid.
 double air_data_status(const Reading& reading) noexcept { return reading.sample.pressure > 0 ? 6 : 0; }
 

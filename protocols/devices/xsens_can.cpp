@@ -22,7 +22,6 @@ namespace {
 
 constexpr double rate_lsb = 0x1p-9, force_lsb = 0x1p-8, temperature_lsb = 0x1p-8;
 
-// --- Numbers that only this product has ---
 // StatusWord: bit 0 self-test, 1 attitude valid, 2 the receiver has a fix, 8 to 10 accelerometer clipped, 11 to 13
 // gyro clipped, 19 any clipped; 23 to 25 the mode of the unit's own filter: 1 without fixes, 3 with fixes (Xsens's
 // XsStatusWord message).

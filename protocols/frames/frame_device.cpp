@@ -197,7 +197,6 @@ void FrameDevice::send(Scheduled& one, const Sample& sample, FrameBuffer& out) n
   clear_increments(one, sample.time);
 }
 
-// --- The host ---
 void FrameDevice::receive(const Frame& from_host, DeviceTime now, FrameBuffer& replies) noexcept {
   host_.receive(from_host.bytes, now, *this, replies);
   publish();

@@ -128,8 +128,6 @@ class J1939Device final : public Device {
   }
 
  private:
-  // --- Address ---
-
   void note_source(const Message& message) noexcept {
     const std::uint8_t source = message.header.source;
     if (source == null_address) return;
@@ -161,8 +159,6 @@ class J1939Device final : public Device {
     claim_.command(address, now, replies);
     keep_address();
   }
-
-  // --- Requests ---
 
   Header header(std::uint32_t number) const noexcept { return {.pgn = number, .source = claim_.address()}; }
 
@@ -241,8 +237,6 @@ class J1939Device final : public Device {
     send(to_node, 1ULL << 8 | failed << 9 | 0x16ULL << 16 | 0x06ULL << 40 | 0xFFFFULL << 48, replies);
   }
 
-  // --- Settings ---
-
   // Processes a DM13. Bits 6 and 7 of byte 0 are for the network that carries the message: 0: stop, 1: start.
   void on_stop_start(const Message& message, DeviceTime now) noexcept {
     if (message.data.empty()) return;
@@ -283,8 +277,6 @@ class J1939Device final : public Device {
   static bool is_only_reported(Function function) noexcept {
     return (function >= hardware_status && function <= master_status) || function >= fine_rate;
   }
-
-  // --- Data ---
 
   // Sends the messages of `types`, bits of Model::packet_bits, in ascending order of identifiers.
   void send_packets(unsigned types, DeviceTime now, FrameBuffer& out) const noexcept {

@@ -50,8 +50,6 @@ void Transport::end(Session& session, Abort reason, std::uint8_t own, FrameBuffe
   abort(session.to_everyone ? everyone : session.peer, session.pgn, reason, own, out);
 }
 
-// --- Outgoing ---
-
 Transport::Session* Transport::outgoing(std::uint8_t destination) noexcept {
   for (Session& session : outgoing_)
     if (session.is_active && !session.is_waiting && session.peer == destination) return &session;
@@ -115,8 +113,6 @@ void Transport::on_clear_to_send(Session& session, const Message& message, std::
   for (unsigned i = 0; i < count && session.next <= session.packets; ++i) send_packet(session, own, out);
   session.due = now + t3;
 }
-
-// --- Incoming ---
 
 Transport::Session* Transport::incoming(std::uint8_t source, bool to_everyone) noexcept {
   for (Session& session : incoming_)
@@ -187,8 +183,6 @@ std::optional<Data> Transport::on_data(const Message& message, std::uint8_t own,
             own, out);
   return std::span(session->buffer).first(session->size);
 }
-
-// --- Both ---
 
 void Transport::on_control(const Message& message, std::uint8_t own, DeviceTime now, FrameBuffer& out) noexcept {
   const bool is_mine = message.header.destination == own && own != null_address;

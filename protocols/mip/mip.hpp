@@ -34,8 +34,6 @@ inline constexpr double internal_hz = 1000;  // the internal sample rate
 enum Set : std::uint8_t { base = 0x01, three_dm = 0x0C, filter_command = 0x0D, aiding = 0x13 };
 inline constexpr std::uint8_t reply = 0xF1;
 
-// --- Packets ---
-
 // Returns the two bytes of checksum of the bytes before them.
 std::array<std::uint8_t, checksum_size> checksum_of(std::span<const std::byte> bytes) noexcept;
 // Returns the size of the whole packet that begins with `held`; the size of the header while the header is
@@ -78,8 +76,6 @@ class Packet : public FrameWriter<boost::endian::order::big> {
  private:
   std::size_t field_ = 0;
 };
-
-// --- Data ---
 
 struct DataField {
   std::string_view name;               // in the configuration; empty: the configuration cannot name the field
@@ -232,8 +228,6 @@ class Fields {
   std::optional<DeviceTime> restarted_;           // nullopt: reference time is the sensor's own clock
   std::uint64_t restarted_tick_ = 0;
 };
-
-// --- Settings ---
 
 // A setting that can be written and read. Some settings have an effect (filter_requests.cpp, pins.cpp,
 // navigation_fields.cpp). The data of the command are a function, a key (which selects one of several slots) and a

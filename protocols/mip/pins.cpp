@@ -13,8 +13,6 @@ constexpr std::uint8_t pins = 4;
 
 }  // namespace
 
-// --- Commands ---
-
 Pin Memory::pin(std::uint8_t number) const noexcept {
   const Kept* kept = active_.find_kept(model_, three_dm, 0x41, number);
   return kept != nullptr ? Pin{kept->bytes[1], kept->bytes[2]} : Pin{};
@@ -74,8 +72,6 @@ Memory::Code Memory::pin_state(Reader& reader, Packet& answer) noexcept {
   answer.end();
   return ok;
 }
-
-// --- Pulse per second ---
 
 // If the host has set the GPS time, the edge moves this time to the nearest full second.
 bool Memory::pps(DeviceTime at) noexcept {

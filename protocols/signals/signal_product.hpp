@@ -27,8 +27,6 @@ struct SignalProduct {
   double accelerometer_noise = 0, accelerometer_max = 0;
 };
 
-// --- The settings of a product, which its file lists ---
-
 // The rate of its messages and samples.
 constexpr Setting output_rate_setting(double initial, double highest) {
   return real_setting("output_rate_hz", "samples per second, and messages of each kind that has no rate of its own",

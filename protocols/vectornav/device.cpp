@@ -245,7 +245,6 @@ class VectorNavDevice final : public Device {
     return true;
   }
 
-  // --- Commands ---
   void execute(std::string_view line, Dialogue& dialogue) noexcept {
     const std::size_t star = line.rfind('*');
     const std::string_view body = line.substr(0, star);

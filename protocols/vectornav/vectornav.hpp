@@ -131,8 +131,6 @@ struct Since {
 };
 inline constexpr unsigned firmware_3 = 3;
 
-// --- Registers ---
-
 struct BinaryOutput {
   unsigned mode = 0;     // a bit for each UART
   unsigned divisor = 1;  // 0: sent only when polled (UM001, page 56), or at an event of SyncIn
@@ -225,8 +223,6 @@ double line_load(const Configuration& configuration, const Model& model, unsigne
 Error put_register(const Configuration& configuration, const Model& model, unsigned id, unsigned asking,
                    std::string_view uart, Message& message) noexcept;
 
-// --- Measurements ---
-
 // Increments since an output was last sent.
 struct Sums {
   double dt = 0;  // s
@@ -275,8 +271,6 @@ void put_appended(double count_mode, double status_mode, const Reading& reading,
 using BinaryFrame = FrameWriter<boost::endian::order::little>;
 // Appends all fields of an output, with zeros for fields that the emulated device lacks.
 void put_fields(const BinaryOutput& output, const Reading& reading, const Sums& sums, BinaryFrame& frame) noexcept;
-
-// --- Settings ---
 
 extern const Setting declared_settings[11];
 // Returns the UART, counted from 0, that is at the port.

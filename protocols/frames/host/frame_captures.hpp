@@ -91,7 +91,6 @@ class FrameBytes {
   bool has_quantities() const noexcept { return has_quantities_; }
   const FrameLayout& layout() const noexcept { return *layout_; }
 
-  // --- A request ---
   // Compares the beginning of `held` with the pattern. Requires a `held` that is not empty. Sets `captures` if the
   // result is `yes`.
   FrameLayout::Match match(std::span<const std::byte> held, const FrameSettings& settings,
@@ -101,7 +100,6 @@ class FrameBytes {
   // Returns true if the same bytes may begin with a request of this form and with a request of the other form.
   bool overlaps(const FrameBytes& other) const noexcept { return layout_->may_coincide(*other.layout_); }
 
-  // --- An answer ---
   // Writes the answer to `out`, which must have size() bytes. `values` are the values of all settings.
   void write(const Reading& newest, std::span<const std::byte> request, std::span<const FrameValue> values,
              const FrameSettings& settings, std::span<std::byte> out) const noexcept;

@@ -68,7 +68,6 @@ std::optional<std::string> fault_of(const std::shared_ptr<const FrameRequests>& 
   return difference(got, *wanted, is_text_answer);
 }
 
-// --- Tables ---
 using Row = std::vector<std::string>;
 
 // Adds the rows as lines, with all cells of a column padded to the same width.

@@ -126,7 +126,6 @@ std::size_t FrameAnswer::write(const FrameCaptures& captures, const FrameAnsweri
   return size;
 }
 
-// --- FrameRequests ---
 template <class Act>
 void FrameRequests::attempt(std::uint32_t line, const std::string& place, Act act) {
   try {

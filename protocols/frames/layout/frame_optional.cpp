@@ -66,7 +66,6 @@ void FrameLayout::Compiler::make_optional() {
   out_.select(settings_->delivered());
 }
 
-// --- Any number of bytes ---
 // Stores the place of the element if it has any number of bytes.
 void FrameLayout::Compiler::set_variable(const FrameElement& element) {
   if (!element.is_variable) return;
