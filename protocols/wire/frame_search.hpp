@@ -39,6 +39,7 @@ class FrameSearch {
   }
 
   bool is_empty() const noexcept { return count_ == 0; }
+  std::size_t size() const noexcept { return count_; }  // of the held bytes
 
   // Discards the first of the held bytes and searches the rest: for a frame that was not completed in time. Returns
   // how many bytes belonged to no frame.

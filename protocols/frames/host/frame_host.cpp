@@ -30,6 +30,7 @@ void FrameHost::store(FrameChosen chosen) noexcept {
 void FrameHost::power_on() noexcept {
   start();
   static_cast<void>(search_.finish());
+  old_ = 0;
 }
 
 void FrameHost::start() noexcept {
@@ -47,14 +48,42 @@ std::optional<unsigned> FrameHost::baud() const noexcept {
 
 void FrameHost::step_clock(Nanoseconds by) noexcept {
   last_ = last_ + by;
+  begun_ = begun_ + by;
   for (Delayed& one : delayed_) one.due = one.due + by;
 }
 
 void FrameHost::receive(std::span<const std::byte> bytes, DeviceTime now, Unit& unit, FrameBuffer& replies) noexcept {
-  if (now - last_ > timeout) unknown_bytes_ += search_.finish();
+  expire(now, unit, replies);
+  if (bytes.empty()) return;
   last_ = now;
+  const std::size_t before = search_.size() + bytes.size();
   unknown_bytes_ +=
       search_.feed(bytes, [&](std::span<const std::byte> held) { return parse(held, now, unit, replies); });
+  if (const std::size_t gone = before - search_.size(); gone < old_) {
+    old_ -= gone;
+  } else {
+    begun_ = now;
+    old_ = search_.size();
+  }
+}
+
+// Returns the time at which held bytes are to be discarded. Requires held bytes.
+DeviceTime FrameHost::expiry() const noexcept { return (holds_line_ ? last_ : begun_) + timeout; }
+
+void FrameHost::expire(DeviceTime now, Unit& unit, FrameBuffer& replies) noexcept {
+  while (!search_.is_empty() && now >= expiry()) {
+    if (holds_line_) {
+      unknown_bytes_ += search_.finish();
+    } else {
+      const std::size_t newer = search_.size() - old_;
+      do
+        unknown_bytes_ +=
+            search_.resync([&](std::span<const std::byte> held) { return parse(held, now, unit, replies); });
+      while (search_.size() > newer && !holds_line_);
+      begun_ = last_;
+    }
+    old_ = search_.size();
+  }
 }
 
 std::size_t FrameHost::parse(std::span<const std::byte> held, DeviceTime now, Unit& unit,
@@ -71,10 +100,11 @@ std::size_t FrameHost::parse(std::span<const std::byte> held, DeviceTime now, Un
     return captures.bytes.size();
   }
   if (const std::size_t size = parse_unknown(held, is_unfinished, unit, replies); size > 0) return size;
+  holds_line_ = false;
   if (requests_->has_lines()) {
     const auto end = std::ranges::find_if_not(held, is_printable);
     if (end == held.end())
-      is_unfinished = true;
+      holds_line_ = !std::exchange(is_unfinished, true);
     else if (is_end(*end))
       return parse_line(held, static_cast<std::size_t>(end - held.begin()), is_unfinished, now, unit, replies);
   }
@@ -176,8 +206,10 @@ void FrameHost::delay(std::size_t index, const FrameAnswer& answer, const FrameC
 }
 
 std::optional<DeviceTime> FrameHost::deadline() const noexcept {
-  if (delayed_count_ == 0) return std::nullopt;
-  return delayed_[first_delayed_].due;
+  std::optional<DeviceTime> next;
+  if (delayed_count_ > 0) next = delayed_[first_delayed_].due;
+  if (!search_.is_empty()) next = std::min(next.value_or(expiry()), expiry());
+  return next;
 }
 
 void FrameHost::poll(DeviceTime now, Unit& unit, FrameBuffer& out) noexcept {
@@ -199,6 +231,7 @@ void FrameHost::poll(DeviceTime now, Unit& unit, FrameBuffer& out) noexcept {
     else
       finish(one.request, now, unit, out);
   }
+  expire(now, unit, out);
 }
 
 // Changes the bit rate, unless an answer is still to be sent.

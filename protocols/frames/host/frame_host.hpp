@@ -16,8 +16,11 @@
 namespace imud {
 
 // A line consists of printable characters and ends with CR or LF. At any other byte a binary request may begin. An
-// unfinished request is discarded if no byte is received for 1 s. At power on, and at a restart by a request, the
-// unit loads its stored settings and streams. After construction nothing here allocates or throws. One thread.
+// unfinished line is discarded if no byte is received for 1 s, since people may type it. The first byte of an
+// unfinished binary request is discarded after 1 s, and after 2 s at the latest; then requests behind this byte are
+// executed. So noise that looks like the begin of a request delays answers, but does not hide requests. At power on,
+// and at a restart by a request, the unit loads its stored settings and streams. After construction nothing here
+// allocates or throws. One thread.
 class FrameHost {
  public:
   // The unit that owns the FrameHost.
@@ -43,9 +46,10 @@ class FrameHost {
 
   void power_on() noexcept;
   void receive(std::span<const std::byte> bytes, DeviceTime now, Unit& unit, FrameBuffer& replies) noexcept;
-  // Returns the time at which the next delayed answer is due. An answer waits for all earlier answers.
+  // Returns the time at which the next delayed answer is due, or an unfinished request is to be discarded. An answer
+  // waits for all earlier answers.
   std::optional<DeviceTime> deadline() const noexcept;
-  // Sends the delayed answers that are due.
+  // Sends the delayed answers that are due, and discards an unfinished request if its time is over.
   void poll(DeviceTime now, Unit& unit, FrameBuffer& out) noexcept;
   void step_clock(Nanoseconds by) noexcept;
 
@@ -68,6 +72,8 @@ class FrameHost {
   static constexpr std::size_t most_delayed = 8;
 
   void start() noexcept;
+  DeviceTime expiry() const noexcept;
+  void expire(DeviceTime now, Unit& unit, FrameBuffer& replies) noexcept;
   std::size_t parse(std::span<const std::byte> held, DeviceTime now, Unit& unit, FrameBuffer& replies) noexcept;
   std::size_t parse_unknown(std::span<const std::byte> held, bool& is_unfinished, const Unit& unit,
                             FrameBuffer& replies) noexcept;
@@ -89,7 +95,10 @@ class FrameHost {
   FrameValue line_value_ = 0;  // of the setting that has the bit rate
   bool is_streaming_ = true;
   Search search_;
-  DeviceTime last_;  // of the newest byte
+  bool holds_line_ = false;  // the held bytes are the begin of a line, and of no binary request
+  DeviceTime last_;          // of the newest byte
+  DeviceTime begun_;         // time at which the newest of the `old_` bytes was received
+  std::size_t old_ = 0;      // number of the held bytes, from the first one on, that expire together
   std::array<Delayed, most_delayed> delayed_;
   std::size_t first_delayed_ = 0, delayed_count_ = 0;
   std::vector<std::byte> delayed_bytes_;
