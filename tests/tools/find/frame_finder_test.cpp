@@ -6,6 +6,7 @@
 
 #include <algorithm>
 
+#include "protocols/frames/host/frame_requests.hpp"
 #include "tests/tools/find/find_unit.hpp"
 
 namespace imud {
@@ -30,9 +31,11 @@ const FoundMessage* message_of(const FoundFrames& found, std::size_t length) {
 
 // Each length, check, counter and clock of the description is found, where it is.
 void expect_described(const FoundFrames& found, std::string_view name, bool is_whole) {
-  for (const FrameMessage& message : frame_messages(*read_frames(std::string(name)))) {
+  const auto description = read_frames(std::string(name));
+  const std::vector<FrameValue> as_delivered = FrameRequests(*description).delivered();
+  for (const FrameMessage& message : frame_messages(*description)) {
     SCOPED_TRACE(message.name);
-    if (!message.by_settings.is_streamed) continue;
+    if (!message.by_settings.is_on(as_delivered)) continue;
     const FoundMessage* got = message_of(found, message.layout->longest());
     ASSERT_NE(got, nullptr);
     std::vector<std::string> wanted_checks, checks;
