@@ -220,7 +220,7 @@ void read_items(TableReader& table, Host::Request& request) {
   for (const toml::node& one : *list) request.items.push_back(read_elements(table, "items", one));
 }
 
-Host::Request read_request(TableReader table, std::uint32_t line) {
+void read_request(TableReader table, std::uint32_t line, std::vector<Host::Request>& into) {
   Host::Request request;
   request.line = line;
   const int forms = static_cast<int>(table.has("line")) + static_cast<int>(table.has("bytes")) +
@@ -249,8 +249,8 @@ Host::Request read_request(TableReader table, std::uint32_t line) {
   request.poll = table.text("poll", "");
   request.delay_ms = static_cast<std::uint32_t>(table.unsigned_integer("delay_ms", 0, Host::longest_delay));
   request.tests = read_tests(table, line);
+  add_for_each(table, std::move(request), into);
   table.finish();
-  return request;
 }
 
 Host::Unknown read_unknown(TableReader table) {
@@ -284,12 +284,18 @@ std::vector<const toml::table*> tables_of(TableReader& table, std::string_view k
 
 void read_host(TableReader& root, Faults& faults, toml::table& resolved, FrameHostDescription& host) {
   read_settings_of_host(root, faults, resolved, host);
+  std::size_t number = 0;
   for (const toml::table* one : tables_of(root, "request", Host::most_requests)) {
     const std::uint32_t line = one->source().begin.line;
-    host.requests.push_back(read_request(
-        TableReader(one, fmt::format("request.{}.", host.requests.size()), line, faults, resolved), line));
+    read_request(TableReader(one, fmt::format("request.{}.", number++), line, faults, resolved), line, host.requests);
   }
-  if (root.has("unknown")) host.unknown = read_unknown(root.child("unknown"));
+  const toml::node* unknown = root.node("unknown");
+  if (unknown == nullptr) return;
+  if (unknown->is_table()) return host.unknown.push_back(read_unknown(root.child("unknown")));
+  number = 0;
+  for (const toml::table* one : tables_of(root, "unknown", Host::most_unknown))
+    host.unknown.push_back(read_unknown(
+        TableReader(one, fmt::format("unknown.{}.", number++), one->source().begin.line, faults, resolved)));
 }
 
 std::vector<std::vector<FrameHostDescription::Choice>> read_test_settings(TableReader& message, std::size_t frames) {

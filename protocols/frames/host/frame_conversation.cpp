@@ -44,10 +44,10 @@ std::string difference(std::span<const std::byte> got, std::span<const std::byte
   return "the unit answers " + shown(got) + ", not " + shown(wanted) + ": they differ at byte " + std::to_string(at);
 }
 
-// Returns the fault of a test; nullopt if there is none. `index` is the index of the test's
-// request; with nullopt the bytes must match no request.
+// Returns the fault of a test; nullopt if there is none. `line` is the line of the test's request, or of its copies
+// for each row; with nullopt the bytes must match no request.
 std::optional<std::string> fault_of(const std::shared_ptr<const FrameRequests>& requests,
-                                    std::optional<std::size_t> index, bool is_text, bool is_text_answer,
+                                    std::optional<std::uint32_t> line, bool is_text, bool is_text_answer,
                                     const Host::Test& test) {
   auto sent = test_bytes(test.request, is_text);
   if (!sent || sent->empty()) return "must be bytes in hexadecimal, such as \"AA 55 01\"";
@@ -57,9 +57,11 @@ std::optional<std::string> fault_of(const std::shared_ptr<const FrameRequests>& 
   const auto replies = std::make_unique<FrameBuffer>();
   host.receive(*sent, {}, unit, *replies);
   while (const auto due = host.deadline()) host.poll(*due, unit, *replies);
-  if (host.newest_request() != index || (index && host.unknown_bytes() != 0))
+  const auto newest = host.newest_request();
+  if ((newest ? std::optional(requests->all()[*newest].line) : std::nullopt) != line ||
+      (line && host.unknown_bytes() != 0))
     return (is_text ? quoted_text(test.request) : test.request) +
-           (index ? " is no request of this form" : " is a known request");
+           (line ? " is no request of this form" : " is a known request");
   std::vector<std::byte> got;
   for (const Frame& frame : replies->frames()) got.insert(got.end(), frame.bytes.begin(), frame.bytes.end());
   const auto wanted = test_bytes(test.answer, is_text_answer);
@@ -147,12 +149,12 @@ void test_frame_requests(const FrameDescription& description) {
     const bool is_text = described.layout.empty();
     const bool is_text_answer = is_text && described.answer.layout.empty() && described.otherwise.layout.empty();
     for (const Host::Test& test : described.tests)
-      if (auto fault = fault_of(requests, i, is_text, is_text_answer, test))
+      if (auto fault = fault_of(requests, described.line, is_text, is_text_answer, test))
         faults.push_back({test.line, "request \"" + requests->all()[i].title.substr(0, 40) + "\": test_request",
                           std::move(*fault)});
   }
-  if (description.host.unknown)
-    for (const Host::Test& test : description.host.unknown->tests)
+  for (const Host::Unknown& described : description.host.unknown)
+    for (const Host::Test& test : described.tests)
       if (auto fault = fault_of(requests, std::nullopt, false, false, test))
         faults.push_back({test.line, "unknown: test_request", std::move(*fault)});
   if (!faults.empty()) throw FrameFaults(description.file, std::move(faults));
@@ -183,9 +185,9 @@ std::vector<std::string> frame_request_rows(const FrameDescription& description)
       rows.push_back({text_of(one), effect_of(one), text_of(one.answer)});
       if (one.otherwise.is_given()) rows.push_back({"", "a value that is not allowed", text_of(one.otherwise)});
     }
-    if (const auto& other = host.unknown)
-      rows.push_back({other->layout.empty() ? "any other line" : "any other " + elements(other->layout), "",
-                      text_of(other->answer)});
+    for (const Host::Unknown& other : host.unknown)
+      rows.push_back({other.layout.empty() ? "any other line" : "any other " + elements(other.layout), "",
+                      text_of(other.answer)});
     add_table(lines, rows);
   }
   return lines;

@@ -90,9 +90,9 @@ std::size_t FrameHost::parse(std::span<const std::byte> held, DeviceTime now, Un
                              FrameBuffer& replies) noexcept {
   const std::span<const FrameRequest> all = requests_->all();
   bool is_unfinished = false;
+  FrameCaptures captures;
   for (std::size_t i = 0; i < all.size(); ++i) {
     if (!all[i].bytes || !all_hold(all[i].when, values_)) continue;
-    FrameCaptures captures;
     const FrameLayout::Match match = all[i].bytes->match(held, requests_->settings(), captures);
     is_unfinished |= match == FrameLayout::Match::unfinished;
     if (match != FrameLayout::Match::yes || !all[i].accepts(captures)) continue;
@@ -111,19 +111,21 @@ std::size_t FrameHost::parse(std::span<const std::byte> held, DeviceTime now, Un
   return is_unfinished && held.size() < FrameHostDescription::longest_request ? Search::need_more : Search::reject;
 }
 
-// Answers bytes that have unknown_form(), but are no request. Returns 0 if the bytes do not have this form.
+// Answers bytes that have the form of a FrameUnknown, but are no request. Returns 0 if the bytes have no such form.
 std::size_t FrameHost::parse_unknown(std::span<const std::byte> held, bool& is_unfinished, const Unit& unit,
                                      FrameBuffer& replies) noexcept {
-  const std::optional<FrameBytes>& form = requests_->unknown_form();
-  if (!form) return 0;
   FrameCaptures captures;
-  const FrameLayout::Match match = form->match(held, requests_->settings(), captures);
-  const bool is_whole = match == FrameLayout::Match::yes && !is_unfinished;
-  is_unfinished |= match == FrameLayout::Match::unfinished;
-  if (!is_whole) return 0;
-  unknown_bytes_ += captures.bytes.size();
-  answer(requests_->unknown_answer(), captures, unit, replies);
-  return captures.bytes.size();
+  for (const FrameUnknown& one : requests_->unknown()) {
+    if (is_unfinished) break;
+    if (!one.form) continue;
+    const FrameLayout::Match match = one.form->match(held, requests_->settings(), captures);
+    is_unfinished = match == FrameLayout::Match::unfinished;
+    if (match != FrameLayout::Match::yes) continue;
+    unknown_bytes_ += captures.bytes.size();
+    answer(one.answer, captures, unit, replies);
+    return captures.bytes.size();
+  }
+  return 0;
 }
 
 // Processes a line of `size` bytes, without its end.
@@ -143,7 +145,8 @@ std::size_t FrameHost::parse_line(std::span<const std::byte> held, std::size_t s
   }
   if (is_unfinished && held.size() < FrameHostDescription::longest_request) return Search::need_more;
   unknown_bytes_ += size;
-  if (!requests_->unknown_form()) answer(requests_->unknown_answer(), captures, unit, replies);
+  for (const FrameUnknown& one : requests_->unknown())
+    if (!one.form) answer(one.answer, captures, unit, replies);
   return size + 1;
 }
 

@@ -152,7 +152,7 @@ FrameRequests::FrameRequests(const FrameDescription& description) : settings_(de
                        "there are more than " + std::to_string(FrameHostDescription::most_requests)});
   else
     for (const FrameHostDescription::Request& described : host.requests) add(description, described);
-  if (host.unknown) add_unknown(description, *host.unknown);
+  for (const FrameHostDescription::Unknown& described : host.unknown) add_unknown(description, described);
   if (faults_.empty()) check_overlaps();
   if (!faults_.empty()) throw FrameFaults(description.file, std::move(faults_));
 }
@@ -207,20 +207,20 @@ void FrameRequests::add_unknown(const FrameDescription& description, const Frame
     const bool is_line = described.layout.empty();
     if (is_line && !has_lines_)
       throw std::invalid_argument("no request is a line; give the layout of the bytes that are answered");
+    if (is_line && std::ranges::any_of(unknown_, [](const FrameUnknown& one) { return !one.form; }))
+      throw std::invalid_argument("lines have one answer; give a layout, or leave this answer out");
+    FrameUnknown made;
     if (!is_line)
-      unknown_form_.emplace(description, described.layout, "unknown", FrameBytes::Role::request, 0, settings_);
-    if (unknown_form_ && unknown_form_->captures_values())
+      made.form.emplace(description, described.layout, "unknown", FrameBytes::Role::request, 0, settings_);
+    if (made.form && made.form->captures_values())
       throw std::invalid_argument("what is unknown sets nothing; give _:N in place of the value");
     const FrameLine any("{any}", false, settings_);
-    unknown_ = {description,
-                described.answer,
-                "unknown: answer",
-                is_line ? &any : nullptr,
-                is_line ? 0 : unknown_form_->fixed(),
-                false,
-                settings_};
-    longest_answer_ = std::max(longest_answer_, unknown_.longest());
-    needs_samples_ |= unknown_.has_quantities();
+    made.answer = {
+        description, described.answer, "unknown: answer", is_line ? &any : nullptr, is_line ? 0 : made.form->fixed(),
+        false,       settings_};
+    longest_answer_ = std::max(longest_answer_, made.answer.longest());
+    needs_samples_ |= made.answer.has_quantities();
+    unknown_.push_back(std::move(made));
   });
 }
 
@@ -302,7 +302,8 @@ void FrameRequests::check_overlaps() {
 
 std::vector<std::vector<std::byte>> FrameRequests::examples() const {
   std::vector<std::vector<std::byte>> all;
-  if (unknown_form_) all.push_back(unknown_form_->example(delivered_, settings_));
+  for (const FrameUnknown& one : unknown_)
+    if (one.form) all.push_back(one.form->example(delivered_, settings_));
   for (const FrameRequest& request : all_) {
     if (request.bytes) {
       all.push_back(request.bytes->example(delivered_, settings_));

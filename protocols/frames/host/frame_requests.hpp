@@ -75,6 +75,12 @@ struct FrameRequest {
   bool accepts(const FrameCaptures& captures) const noexcept { return captures.is_allowed || otherwise.is_given(); }
 };
 
+// An answer if no request matches: to lines, or to bytes of this form.
+struct FrameUnknown {
+  std::optional<FrameBytes> form;
+  FrameAnswer answer;
+};
+
 // Immutable. Only the constructor and the functions for people throw or allocate.
 class FrameRequests {
  public:
@@ -87,9 +93,7 @@ class FrameRequests {
   // Returns true if an answer has quantities of the newest sample.
   bool needs_samples() const noexcept { return needs_samples_; }
   std::size_t longest_answer() const noexcept { return longest_answer_; }  // bytes
-  // The answer if no request matches: to lines or, if there is unknown_form(), to bytes of this form.
-  const FrameAnswer& unknown_answer() const noexcept { return unknown_; }
-  const std::optional<FrameBytes>& unknown_form() const noexcept { return unknown_form_; }
+  std::span<const FrameUnknown> unknown() const noexcept { return unknown_; }
   const std::vector<FrameValue>& delivered() const { return delivered_; }  // values of all settings
   std::optional<std::size_t> baud_setting() const noexcept { return baud_setting_; }
 
@@ -108,8 +112,7 @@ class FrameRequests {
 
   FrameSettings settings_;
   std::vector<FrameRequest> all_;
-  FrameAnswer unknown_;
-  std::optional<FrameBytes> unknown_form_;
+  std::vector<FrameUnknown> unknown_;
   std::vector<FrameValue> delivered_;
   std::optional<std::size_t> baud_setting_;
   std::size_t longest_answer_ = 0;

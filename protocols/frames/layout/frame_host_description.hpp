@@ -12,10 +12,11 @@ namespace imud {
 
 struct FrameHostDescription {
   // Limits of a file, which bound memory and time.
-  static constexpr std::size_t most_settings = 32;
+  static constexpr std::size_t most_settings = 64;
   static constexpr std::size_t most_values = 64;                        // of a setting
   static constexpr std::int64_t largest_value = std::int64_t{1} << 53;  // of a range; its smallest is the negative
-  static constexpr std::size_t most_requests = 128;
+  static constexpr std::size_t most_requests = 256;
+  static constexpr std::size_t most_unknown = 16;
   static constexpr std::size_t most_items = 64;          // kinds, of a request
   static constexpr std::size_t most_tests = 16;          // of a request
   static constexpr std::size_t longest_request = 256;    // bytes, with the end of a line
@@ -74,14 +75,14 @@ struct FrameHostDescription {
   bool is_big = false;  // the byte order of numbers whose element states none
   std::vector<Setting> settings;
   std::vector<Request> requests;
-  // The answer if no request matches: to lines, or to bytes of this form.
+  // The answers if no request matches: to lines, or to bytes of this form. The first form that matches is answered.
   struct Unknown {
     std::uint32_t line = 0;
     std::vector<Text> layout;  // empty: lines
     Answer answer;
     std::vector<Test> tests;  // of bytes
   };
-  std::optional<Unknown> unknown;
+  std::vector<Unknown> unknown;
 };
 
 }  // namespace imud

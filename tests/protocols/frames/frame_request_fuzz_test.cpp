@@ -23,7 +23,7 @@ std::vector<std::string> examples_of(const FrameDescription& description) {
 // Returns examples of the requests that are understood whatever the settings are.
 std::vector<std::string> unlocked_examples(FrameDescription description) {
   std::erase_if(description.host.requests, [](const auto& request) { return !request.when.empty(); });
-  description.host.unknown.reset();
+  description.host.unknown.clear();
   return examples_of(description);
 }
 
