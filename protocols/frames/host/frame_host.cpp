@@ -102,11 +102,12 @@ std::size_t FrameHost::parse(std::span<const std::byte> held, DeviceTime now, Un
   if (const std::size_t size = parse_unknown(held, is_unfinished, unit, replies); size > 0) return size;
   holds_line_ = false;
   if (requests_->has_lines()) {
-    const auto end = std::ranges::find_if_not(held, is_printable);
-    if (end == held.end())
+    const std::span<const std::byte> line = held.first(std::min(held.size(), FrameHostDescription::longest_line));
+    const auto end = std::ranges::find_if_not(line, is_printable);
+    if (end != line.end() && is_end(*end))
+      return parse_line(held, static_cast<std::size_t>(end - line.begin()), is_unfinished, now, unit, replies);
+    if (end == line.end() && line.size() < FrameHostDescription::longest_line)
       holds_line_ = !std::exchange(is_unfinished, true);
-    else if (is_end(*end))
-      return parse_line(held, static_cast<std::size_t>(end - held.begin()), is_unfinished, now, unit, replies);
   }
   return is_unfinished && held.size() < FrameHostDescription::longest_request ? Search::need_more : Search::reject;
 }

@@ -64,8 +64,8 @@ FrameLine::FrameLine(std::string_view pattern, bool ignores_case, const FrameSet
   if (captures > static_cast<std::ptrdiff_t>(FrameCaptures::most)) refuse("there are too many captures");
   if (std::ranges::count(parts_, Kind::value, &Part::kind) > 1) refuse("{value} is given twice");
   if (parts_.empty()) refuse("give the text of the line");
-  if (pattern.size() >= FrameHostDescription::longest_request)
-    refuse("the line is longer than " + std::to_string(FrameHostDescription::longest_request - 1) + " characters");
+  if (pattern.size() >= FrameHostDescription::longest_line)
+    refuse("the line is longer than " + std::to_string(FrameHostDescription::longest_line - 1) + " characters");
 }
 
 namespace {

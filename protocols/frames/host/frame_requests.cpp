@@ -64,7 +64,7 @@ void FrameAnswer::add_parts(std::string_view text, const FrameLine* request, con
     if (end == std::string_view::npos) refuse("{ begins {setting}, {value}, {NAME} of a setting, {any} or {line}");
     const std::string name(text.substr(1, end - 1));
     text.remove_prefix(end + 1);
-    std::size_t longest = FrameHostDescription::longest_request;
+    std::size_t longest = FrameHostDescription::longest_line;
     if (name == "setting" || name == "value") {
       part.kind = name == "setting" ? Kind::setting : Kind::value;
       if (request == nullptr || (!request->captures_setting() && !(is_refusal_ && part.kind == Kind::value)))

@@ -19,7 +19,8 @@ struct FrameHostDescription {
   static constexpr std::size_t most_unknown = 16;
   static constexpr std::size_t most_items = 64;          // kinds, of a request
   static constexpr std::size_t most_tests = 16;          // of a request
-  static constexpr std::size_t longest_request = 256;    // bytes, with the end of a line
+  static constexpr std::size_t longest_line = 256;       // bytes, with its end
+  static constexpr std::size_t longest_request = 1024;   // bytes, of any other request
   static constexpr std::size_t longest_answer = 1024;    // bytes
   static constexpr std::uint32_t longest_delay = 60000;  // ms
 

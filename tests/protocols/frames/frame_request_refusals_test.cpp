@@ -64,7 +64,7 @@ TEST(FrameRequestRefusals, KeysThatCannotBe) {
       {request("bytes = \"AA\"\nignore_case = true"), "only a line has letters"},
       {request("bytes = \"AA ?\""), "an element is hexadecimal bytes"},
       {request("bytes = \"??\""), "a decoder cannot find the frame"},
-      {request("layout = [\"AA\", \"_:255\"]"), "has 256 bytes, more than 255"},
+      {request("layout = [\"AA\", \"_:1023\"]"), "has 1024 bytes, more than 1023"},
       {request("layout = [\"AA\", \"rate_x_deg_per_s:f32\"]"), "a request has constants"},
       {request("layout = [\"AA\", \"bits:u8:0=alive_counter\"]"), "a request has constants"},
       {request("layout = [\"AA\", \"{DR}\"]"), "a setting is captured as {NAME}:TYPE"},

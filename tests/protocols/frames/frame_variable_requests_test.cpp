@@ -104,6 +104,41 @@ TEST_F(FrameVariableRequests, AnyNumberOfBytesEndsByTheLength) {
   EXPECT_EQ(send(framed("0C", "33 01 02 03 01", 0)), "15 0C");
 }
 
+// The longest request has 1023 bytes, also if it begins like a line, whose limit is 255.
+TEST(FrameLongRequests, HaveUpTo1023Bytes) {
+  Line line = frame_line(R"(
+frame_version = 1
+name = "test"
+byte_order = "big"
+[[message]]
+name = "a"
+layout = ["A1", "alive_counter:u8"]
+[[request]]
+layout = ["@h", "\"B\"", "length:u16:@d..@e", "@d", "_:*", "@e", "check:sum8:@h..@e"]
+answer = ["AC", "{1-2}"]
+[[request]]
+line = "show"
+answer = "here"
+)");
+  const auto request = [](std::size_t size) {
+    std::string text{'B', static_cast<char>(size >> 8), static_cast<char>(size & 0xFF)};
+    text.append(size, 'x');
+    unsigned sum = 0;
+    for (const char c : text) sum += static_cast<unsigned char>(c);
+    return text + static_cast<char>(sum);
+  };
+  EXPECT_EQ(answer_to(line, request(300)), text_of_hex("AC 01 2C"));
+  EXPECT_EQ(answer_to(line, request(0x2020)), "");  // too long
+  EXPECT_EQ(line.device->counts()[1], 0x2020U + 4);
+  for (const std::size_t size : {252U, 253U, 800U, 1019U}) {
+    const std::string text = request(size);
+    for (std::size_t i = 0; i + 1 < text.size(); ++i) ASSERT_EQ(answer_to(line, text.substr(i, 1)), "") << i;
+    EXPECT_EQ(answer_to(line, text.substr(text.size() - 1)).size(), 3U) << size;
+  }
+  EXPECT_EQ(answer_to(line, request(1021) + "\nshow\n"), "here");
+  EXPECT_EQ(line.device->counts()[1], 0x2020U + 4 + 1025);
+}
+
 TEST_F(FrameVariableRequests, WhatIsWellFormedButUnknownIsAnsweredAndCounted) {
   EXPECT_EQ(send(framed("99", "01 02 03")), "15 99");
   EXPECT_EQ(unknown(), 8U);
