@@ -41,8 +41,13 @@ class Demo(unittest.TestCase):
             result = subprocess.run([root / "tools/demo"], capture_output=True, text=True, check=True,
                                     env=os.environ | {"PATH": f"{root / 'bin'}:{os.environ['PATH']}"})
             self.assertEqual(result.stderr, "")
-            self.assertEqual(result.stdout.splitlines()[-1], "imud demo")
-            return [line.strip() for line in result.stdout.splitlines() if line.endswith(" files")]
+            before, demo, after = result.stdout.partition("imud demo\n")
+            self.assertTrue(demo)
+            self.assertTrue(after.splitlines()[-1].startswith("built: "), after)
+            shown, others = ([line.strip() for line in text.splitlines() if line.endswith(" files")]
+                             for text in (before, after))
+            self.assertEqual(shown, others)
+            return shown
 
     def test_a_first_build_shows_each_twentieth(self):
         shown = self.shown(CHECK + build(400))
