@@ -98,6 +98,10 @@ struct Row {
   std::size_t column(std::size_t place) const { return 2 + std::size(columns) * number + place; }
   double factor() const { return channel().is_rate() ? 1 / units::degree : 1; }
   double error_factor() const { return channel().is_rate() ? 1 / units::degree : 1000 / units::standard_gravity; }
+  // Returns the command of a label below the lowest chart of a column.
+  std::string x_label(std::string_view text) const {
+    return is_last() ? fmt::format("set xlabel '{}'\n", text) : std::string();
+  }
   const char* error_unit() const { return channel().is_rate() ? "deg/s" : "mg"; }
 };
 
@@ -106,8 +110,7 @@ std::string values_chart(const Row& row) {
   Range range;
   for (const double value : row.channel().measured) range.add(value);
   for (const double value : row.channel().truth) range.add(value);
-  return fmt::format("unset logscale\nset format '%g'\nset xlabel '{}'\n", row.is_last() ? "time in s" : "") +
-         range.command(row.factor()) +
+  return row.x_label("time in s") + range.command(row.factor()) +
          fmt::format(
              "set ylabel '{0} in {1}' noenhanced\nplot {2} every ::1 using 1:(${3}*{4}) with lines linecolor 2 title "
              "'measured', \\\n  {2} every ::1 using 1:(${5}*{4}) with lines linecolor 'black' title 'truth'\n",
@@ -125,7 +128,7 @@ std::string errors_chart(const Row& row) {
     range.add(channel.mean[i] - channel.sigma[i]);
     range.add(channel.mean[i] + channel.sigma[i]);
   }
-  return range.command(row.error_factor()) +
+  return row.x_label("time in s") + range.command(row.error_factor()) +
          fmt::format(
              "set ylabel 'error in {0}' noenhanced\nplot {1} every ::1 using 1:(${2}*{5}) with lines linecolor 2 "
              "title "
@@ -138,16 +141,16 @@ std::string errors_chart(const Row& row) {
 std::string spectrum_chart(const Row& row) {
   // A channel without errors has no spectrum that a logarithmic axis could show.
   const bool has_errors = std::ranges::any_of(row.channel().density, [](double root) { return root > 0; });
-  // The range of the chart before it may be negative, which gnuplot cannot map to a logarithmic axis.
-  return (has_errors ? "set yrange [*:*]\nset logscale xy\nset format '10^{%T}'\n" : "set yrange [-1:1]\n") +
+  return row.x_label("frequency in Hz") +
+         (has_errors ? "set logscale xy\nset format '10^{%T}'\n" : "set yrange [-1:1]\n") +
          fmt::format(
-             "set xlabel '{}'\nset ylabel 'error in {}/sqrt(Hz)' noenhanced\nplot {} every ::1 using 1:(${}*{}) with "
-             "lines linecolor 3 notitle\n",
-             row.is_last() ? "frequency in Hz" : "", row.error_unit(), row.spectrum, 2 + row.number,
-             row.error_factor());
+             "set ylabel 'error in {}/sqrt(Hz)' noenhanced\nplot {} every ::1 using 1:(${}*{}) with lines "
+             "linecolor 3 notitle\n",
+             row.error_unit(), row.spectrum, 2 + row.number, row.error_factor());
 }
 
-// The charts of a channel, from the left. Each sets the axes that the chart before it has changed.
+// The charts of a channel, from the left. Each begins with linear axes without labels, whose ranges follow from the
+// data.
 constexpr std::string (*charts[])(const Row&) = {values_chart, errors_chart, spectrum_chart};
 
 }  // namespace
@@ -163,7 +166,9 @@ std::string run_plot_commands(const RunErrors& run, const std::string& samples_p
   text += fmt::format("set multiplot layout {},{}\n", rows, std::size(charts));
   for (std::size_t i = 0; i < rows; ++i) {
     if (i == 1) text += "unset key\n";
-    for (const auto chart : charts) text += chart({run, i, in_quotes(samples_path), in_quotes(spectrum_path)});
+    for (const auto chart : charts)
+      text += "unset logscale\nset format '%g'\nset autoscale\nunset xlabel\nunset ylabel\n" +
+              chart({run, i, in_quotes(samples_path), in_quotes(spectrum_path)});
   }
   return text + "unset multiplot\nunset output\n";
 }
