@@ -141,7 +141,7 @@ std::span<const ControlApi::Method> ControlApi::methods() noexcept {
         if (all[i].name == all[k].name) return false;
     return true;
   };
-  static_assert(have_own_names());
+  static_assert(have_own_names(), "two methods have one name");
   return all;
 }
 

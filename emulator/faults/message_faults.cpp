@@ -77,7 +77,9 @@ constexpr FaultKind message_table[] = {
     message_kind(MessageFault::clock_jump, "jump", "the sensor's clock is wrong", clock_target, clock_ahead),
     message_kind(MessageFault::clock_drift, "drift", "the sensor's clock runs away", clock_target, clock_fast),
 };
-static_assert(has_every_code(message_table, static_cast<std::size_t>(MessageFault::count)));
+static_assert(has_every_code(message_table, static_cast<std::size_t>(MessageFault::count)),
+              "the rows stand in the order of the enumeration, one for each value");
+static_assert(has_own_names(message_table), "a target has two kinds of one name");
 
 void append_all(const FrameBuffer& frames, FrameBuffer& to) noexcept {
   for (const Frame& frame : frames.frames()) to.append(frame.bytes, frame.can, frame.uart);

@@ -47,7 +47,9 @@ constexpr std::array power_table = {
                "the device is reset, and stays in its boot loader, which neither sends nor answers", {},
                started_anew),
 };
-static_assert(has_every_code(power_table, kind_count));
+static_assert(has_every_code(power_table, kind_count),
+              "the rows stand in the order of the enumeration, one for each value");
+static_assert(has_own_names(power_table), "a target has two kinds of one name");
 
 }  // namespace
 

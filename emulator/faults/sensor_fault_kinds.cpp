@@ -105,10 +105,15 @@ constexpr FaultKind sensor_table[] = {
     ramped(SensorFault::accuracy, "accuracy", "the reported accuracies of position and velocity are wrong", gnss,
            factor_on_accuracy),
 };
-static_assert(has_every_code(sensor_table, static_cast<std::size_t>(SensorFault::count)));
-static_assert(std::all_of(std::begin(sensor_table), std::end(sensor_table), [](const FaultKind& kind) {
-  return (kind.targets.data() == gnss) == (kind.code.as<SensorFault>() >= SensorFault::no_fix);
-}));
+static_assert(has_every_code(sensor_table, static_cast<std::size_t>(SensorFault::count)),
+              "the rows stand in the order of the enumeration, one for each value");
+static_assert(has_own_names(sensor_table), "a target has two kinds of one name");
+static_assert(std::all_of(std::begin(sensor_table), std::end(sensor_table),
+                          [](const FaultKind& kind) {
+                            return (kind.targets.data() == gnss) ==
+                                   (kind.code.as<SensorFault>() >= SensorFault::no_fix);
+                          }),
+              "from no_fix on the kinds are of gnss, and none before");
 
 }  // namespace
 

@@ -52,7 +52,9 @@ constexpr FaultKind truth_table[] = {
     truth_kind(TruthFault::lost, "lost", "truth does not arrive", {},
                "motion is extrapolated or held to the next truth"),
 };
-static_assert(has_every_code(truth_table, static_cast<std::size_t>(TruthFault::count)));
+static_assert(has_every_code(truth_table, static_cast<std::size_t>(TruthFault::count)),
+              "the rows stand in the order of the enumeration, one for each value");
+static_assert(has_own_names(truth_table), "a target has two kinds of one name");
 
 class FaultyTruthDecoder final : public TruthDecoder, public TruthFaults {
  public:

@@ -96,7 +96,9 @@ constexpr std::array kinds = {
     kind(WireFault::bus_load, "bus_load", "other nodes send frames with the lowest priority up to a level of load",
          of_load, true),
 };
-static_assert(has_every_code(kinds, static_cast<std::size_t>(WireFault::count)));
+static_assert(has_every_code(kinds, static_cast<std::size_t>(WireFault::count)),
+              "the rows stand in the order of the enumeration, one for each value");
+static_assert(has_own_names(kinds), "a target has two kinds of one name");
 
 bool suits(WireFault fault, Link link) {
   switch (fault) {

@@ -78,6 +78,17 @@ struct FaultKind {
   bool needs_self_test = false;  // the product must have a self test
 };
 
+// Returns true if no target has two kinds of one name.
+constexpr bool has_own_names(std::span<const FaultKind> table) noexcept {
+  for (std::size_t i = 0; i < table.size(); ++i)
+    for (std::size_t k = 0; k < i; ++k)
+      if (table[i].name == table[k].name)
+        for (const std::string_view target : table[i].targets)
+          for (const std::string_view other : table[k].targets)
+            if (target == other) return false;
+  return true;
+}
+
 // Returns true if `table`, the kinds of one seam, has exactly one kind for each of the `count` codes of that seam, in
 // their order, and no kind has more parameters than there is room for.
 constexpr bool has_every_code(std::span<const FaultKind> table, std::size_t count) noexcept {
