@@ -299,6 +299,9 @@ def check_table(record, frame, signals, data):
 
 def main(dump, folder):
     matrices = {path.name: canmatrix.formats.loadp_flat(str(path)) for path in sorted(pathlib.Path(folder).glob("*.dbc"))}
+    products = {path.stem for path in pathlib.Path(folder).glob("*.cpp") if "signal_protocol<" in path.read_text()}
+    require(len(products) >= 4, products)
+    require(not (lacking := {f"{stem}.dbc" for stem in products} - matrices.keys()), "products without their file", lacking)
     seen = {}
     for line in subprocess.run([dump], check=True, capture_output=True, text=True).stdout.splitlines():
         record = json.loads(line, parse_float=Decimal)

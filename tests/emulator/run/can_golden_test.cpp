@@ -24,7 +24,9 @@ TEST_F(RunTest, TheGoldenLogsOfTheCanProducts) {
   }
   ASSERT_GE(products, 2U);
   const ProgramResult run = run_program("imud", arguments);
-  ASSERT_EQ(run.exit_code, 3) << "an imu for each CAN product, and the flight is longer\n" << run.errors;
+  ASSERT_EQ(run.exit_code, 3)
+      << golden + ".toml needs an [[imu]] with the name of each CAN product; and the flight is longer\n"
+      << run.errors;
   for (const Protocol* protocol : protocols()) {
     if (protocol->link != Link::can) continue;
     const std::string name(protocol->name), log = golden + "/" + name + ".log";
