@@ -82,6 +82,15 @@ class Arrays(RunTest):
         self.assertEqual(second["dvel"].tolist(), [7, 8, 9])
         self.assertTrue(numpy.isnan(second["gyro"]).all())
 
+    def test_a_component_that_is_not_carried_is_nan(self):
+        header = "time_ns,counter," + ",".join(f"{n}_{a}" for n in ("gyro", "accel", "dtheta", "dvel") for a in "xyz")
+        (self.folder / "a.csv").write_text(header + ",temperature,status\n5,6,,,3,1,,2,,,,,,,,\n")
+        run("imu-decode", "csv", f"file:{self.folder / 'a.csv'}", "--quiet", "--npy", self.folder / "a.npy")
+        one, = numpy.load(self.folder / "a.npy")
+        numpy.testing.assert_array_equal(one["gyro"], [numpy.nan, numpy.nan, 3])
+        numpy.testing.assert_array_equal(one["accel"], [1, numpy.nan, 2])
+        self.assertEqual(one["fields"], 1 | 2 | 4 | 8)
+
     def test_an_array_of_a_killed_program_is_whole(self):
         file, _ = self.bytes_of("native")
         fifo = self.folder / "fifo"

@@ -76,7 +76,7 @@ class Package(RunTest):
     def test_csv_without_some_quantities(self):
         path = self.folder / "a.csv"
         header = ",".join(imud.measurements.CSV_COLUMNS)
-        path.write_text(header + "\n,,1,2,3,,,,,,,,,,,\n5,6,,,,,,,,,,7,8,9,10,11\n12,")
+        path.write_text(header + "\n,,1,2,3,,,,,,,,,,,\n5,6,,,,,,,,,,7,8,9,10,11\n7,8,,,3,1,,2,,,,,,,,\n12,")
         array = imud.load(path)
         run("imu-decode", "csv", f"file:{path}", "--quiet", "--npy", self.folder / "a.npy")
         self.assertEqual(array.tobytes(), imud.load(self.folder / "a.npy").tobytes())

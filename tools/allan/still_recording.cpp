@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <algorithm>
 #include <cmath>
 #include <stdexcept>
 
@@ -45,6 +46,23 @@ const Vector3& StillRecorder::forces_of(const Sample& sample) const noexcept {
   return (fields_ & Measurement::delta_velocity) != 0 ? sample.delta_velocity : sample.specific_force;
 }
 
+bool StillRecorder::has_the_channels(const Sample& sample) const noexcept {
+  std::size_t numbers = 0;
+  if ((fields_ & (Measurement::rate | Measurement::delta_angle)) != 0)
+    numbers += static_cast<std::size_t>(rates_of(sample).array().isFinite().count());
+  if ((fields_ & (Measurement::specific_force | Measurement::delta_velocity)) != 0)
+    numbers += static_cast<std::size_t>(forces_of(sample).array().isFinite().count());
+  return numbers == recording_.channels.size() &&
+         std::ranges::all_of(recording_.channels, [&](const StillRecording::Channel& channel) {
+           return std::isfinite(value_of(channel, sample));
+         });
+}
+
+double StillRecorder::value_of(const StillRecording::Channel& channel, const Sample& sample) const noexcept {
+  const auto axis = static_cast<Eigen::Index>(channel.number % channels_per_sensor);
+  return channel.is_rate() ? rates_of(sample)[axis] : forces_of(sample)[axis];
+}
+
 void StillRecorder::on_measurement(const Measurement& measurement) {
   if (is_full()) return;
   const Sample& sample = measurement.sample;
@@ -58,16 +76,12 @@ void StillRecorder::on_measurement(const Measurement& measurement) {
       return;
   }
   statistics_.add(measurement, arrival_);
-  if (!is_valid || (measurement.fields & fields_) != fields_) {
+  if (!is_valid || (measurement.fields & fields_) != fields_ || !has_the_channels(sample)) {
     ++recording_.invalid;
     return;
   }
   ++taken_;
-  const Vector3 &rate = rates_of(sample), &force = forces_of(sample);
-  for (auto& channel : recording_.channels) {
-    const auto axis = static_cast<Eigen::Index>(channel.number % channels_per_sensor);
-    channel.values.push_back(channel.is_rate() ? rate[axis] : force[axis]);
-  }
+  for (auto& channel : recording_.channels) channel.values.push_back(value_of(channel, sample));
 }
 
 StillRecording StillRecorder::finish() {

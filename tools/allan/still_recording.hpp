@@ -49,7 +49,8 @@ struct RecordingOptions {
 
 // Makes a recording of decoded measurements. If the measurements have no rates, their increments divided by the
 // period are recorded. Samples that the device marks as invalid are omitted; invalid samples before the first
-// valid sample are the start-up of the device and do not count as missing.
+// valid sample are the start-up of the device and do not count as missing. A sample that has other components than
+// the first one is invalid.
 class StillRecorder final : public MeasurementReceiver {
  public:
   StillRecorder(const Protocol& protocol, const RecordingOptions& options, std::uint64_t wanted);
@@ -69,6 +70,9 @@ class StillRecorder final : public MeasurementReceiver {
   // Return the recorded vectors of a sample, or its increments over a period.
   const Vector3& rates_of(const Sample& sample) const noexcept;
   const Vector3& forces_of(const Sample& sample) const noexcept;
+  double value_of(const StillRecording::Channel& channel, const Sample& sample) const noexcept;
+  // Returns true if the sample has a number on each recorded channel, and on no other channel of these vectors.
+  bool has_the_channels(const Sample& sample) const noexcept;
 
   const RecordingOptions options_;
   const std::uint64_t wanted_;

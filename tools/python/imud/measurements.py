@@ -84,7 +84,8 @@ def _block(rows, names):
     array["temperature"] = [float(text) if text else numpy.nan for text in columns[14]]
     array["status"] = [int(text) if text else 0 for text in columns[15]]
     fields = numpy.zeros(len(rows), "u4")
-    for bit, column in enumerate((0, 1, 2, 5, 8, 11, 14, 15)):
-        fields |= numpy.array([1 << bit if text else 0 for text in columns[column]], "u4")
+    # A vector is carried where any of its components is.
+    for bit, (first, end) in enumerate(((0, 1), (1, 2), (2, 5), (5, 8), (8, 11), (11, 14), (14, 15), (15, 16))):
+        fields |= numpy.array([1 << bit if any(texts) else 0 for texts in zip(*columns[first:end])], "u4")
     array["fields"] = fields
     return array
