@@ -253,8 +253,9 @@ int check(const std::string& path, std::span<const std::string> overrides, const
     if (epoch_of(config) != Epoch::none)
       if (const std::string fault = epoch_fault(config.realtime, read_clock_state()); !fault.empty())
         config.warnings.push_back("imud run does not begin: " + fault);
-    for (const std::string& file : {config.control.token_file, config.web.token_file})
-      if (const std::string fault = token_fault(file); !fault.empty())
+    for (const auto& [listen, file] : {std::pair(config.control.listen, config.control.token_file),
+                                       std::pair(config.web.listen, config.web.token_file)})
+      if (const std::string fault = listen.empty() ? std::string() : token_fault(file); !fault.empty())
         config.warnings.push_back("imud run does not begin: " + fault);
     if (options.layout == CheckLayout::text) print_text(path, config);
     if (options.layout == CheckLayout::toml) fmt::print("{}", config.resolved());

@@ -38,6 +38,13 @@ bool lock_output(const FileDescriptor& file, const std::string& path) noexcept {
   return is_standard_output(path) || lock_file(file.get());
 }
 
+bool is_same_file(const FileDescriptor& a, const FileDescriptor& b) noexcept {
+  struct stat of_a {
+  }, of_b{};
+  return a && ::fstat(a.get(), &of_a) == 0 && ::fstat(b.get(), &of_b) == 0 && of_a.st_dev == of_b.st_dev &&
+         of_a.st_ino == of_b.st_ino;
+}
+
 [[noreturn]] void fail_locked(const std::string& path) {
   throw OpenError(fmt::format("{}: is written by another process; give another file", path));
 }
@@ -90,8 +97,11 @@ void TextFile::replace(std::string_view text) {
 void TextFile::reopen() {
   if (path_.empty() || path_ == "-") return;
   FileDescriptor next = open_to_write(path_, O_APPEND);
-  if (file_ && is_regular()) ::flock(file_.get(), LOCK_UN);  // it may be the same file
-  if (!lock_output(next, path_)) fail_locked(path_);
+  if (is_same_file(file_, next)) ::flock(file_.get(), LOCK_UN);
+  if (!lock_output(next, path_)) {
+    if (file_) lock_output(file_, path_);
+    fail_locked(path_);
+  }
   file_ = std::move(next);
 }
 

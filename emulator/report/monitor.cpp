@@ -129,7 +129,7 @@ void Monitor::write_quality(const Summary& all) {
 }
 
 void Monitor::reopen() {
-  if (options_.quality_file.empty()) return;
+  if (options_.quality_file.empty() || options_.quality_file == "-") return;
   try {
     quality_.reopen();
     spdlog::info("SIGHUP: the file of the figures is opened again");

@@ -149,6 +149,11 @@ TEST_F(CheckTest, ATokenFileThatARunRefusesIsAWarning) {
     ASSERT_EQ(warnings(token).size(), 1U);
     EXPECT_TRUE(contains(warnings(token)[0].get<std::string>(), "must have at least 16 characters"));
   }
+  EXPECT_TRUE(
+      nlohmann::json::parse(
+          run_program("imud", {"check", c, "--json", "--set", "web.token_file=" + path("none")}).output)["warnings"]
+          .empty())
+      << "it is not read";
   const std::string good = write("good", "0123456789abcdef\n");
   std::filesystem::permissions(good, std::filesystem::perms::owner_read);
   EXPECT_TRUE(nlohmann::json::parse(run_program("imud", {"check", c, "--json", "--set", "web.listen=127.0.0.1:8080",

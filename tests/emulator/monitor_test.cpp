@@ -342,6 +342,7 @@ TEST_F(MonitorTest, TwoProcessesDoNotWriteOneFile) {
   {
     const TextFile another(path("figures"));
     EXPECT_THROW(one->reopen(), OpenError);
+    EXPECT_THROW(TextFile old(path("figures.1")), OpenError) << "it is still written, and locked";
   }
   one.reset();
   EXPECT_EQ(fault(), "");

@@ -14,7 +14,7 @@ using RunFiles = RunTest;
 std::vector<std::string> file_options() {
   const std::string help = run_program("imud", {"run", "--help"}).output;
   std::vector<std::string> all;
-  const std::regex option("(--[a-z-]+) FILE(?! \\.\\.\\.)");
+  const std::regex option("(--[a-z0-9-]+) FILE(?! \\.\\.\\.)");
   for (std::sregex_iterator found(help.begin(), help.end(), option), end; found != end; ++found)
     all.push_back((*found)[1].str());
   EXPECT_GE(all.size(), 5U) << help;
