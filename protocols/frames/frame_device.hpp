@@ -107,10 +107,10 @@ class FrameDevice final : public Device, private FrameHost::Unit {
 // messages with the highest rate must be present, in the order of the file. Other messages may be missing, and so
 // may messages that settings switch, or whose phases exclude a message that is present. The measurement is
 // complete when no other message can belong to it, or when the next sample begins. The bit of a vector in
-// Measurement::fields is set if all components that the messages carry are present; components that no message
-// carries are 0. Clocks and counters are unwrapped. If the stream has no counter of samples, the measurement has the
-// counter of a message. If it has no clock either, and all messages are sent with each sample, the measurement has
-// the counter of all messages.
+// Measurement::fields is set if all components that the messages carry are present; the components
+// that no message carries are NaN then. Clocks and counters are unwrapped. If the stream has no counter of samples,
+// the measurement has the counter of a message. If it has no clock either, and all messages are sent with each
+// sample, the measurement has the counter of all messages.
 class FrameStreamDecoder final : public Decoder, public CollectingDecoder {
  public:
   // `values`: the probable values of the unit's settings. Messages that are sent with these values are tried

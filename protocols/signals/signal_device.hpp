@@ -64,8 +64,8 @@ std::unique_ptr<FrameSeal> seal_of(std::vector<SignalMessage> messages);
 // Combines the messages of a sample into a measurement. All messages that are sent with every sample must be
 // present, in the order of the table, and their sample counters must agree; other messages may be missing. The
 // measurement is complete with the last message of the table, or when the next sample begins. The bit of a vector
-// in Measurement::fields is set if all components that the messages carry are present; components that no message
-// carries are 0. Multiplexed signals keep their value until their next message.
+// in Measurement::fields is set if all components that the messages carry are present; the components
+// that no message carries are NaN then. Multiplexed signals keep their value until their next message.
 class SignalDecoder final : public Decoder, public CollectingDecoder {
  public:
   explicit SignalDecoder(std::vector<SignalMessage> messages);
