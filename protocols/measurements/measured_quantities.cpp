@@ -6,21 +6,13 @@
 
 #include "core/attitude.hpp"
 #include "core/earth/earth.hpp"
+#include "protocols/measurements/measured_vectors.hpp"
 #include "protocols/measurements/navigation_readings.hpp"
 
 namespace imud {
 namespace {
 
 using namespace navigation_readings;
-
-// The vectors of a measurement, in the order of their bits in ReadBack::components.
-constexpr struct {
-  Measurement::Field field;
-  Vector3 Sample::*values;
-} measured_vectors[] = {{Measurement::rate, &Sample::rate},
-                        {Measurement::specific_force, &Sample::specific_force},
-                        {Measurement::delta_angle, &Sample::delta_angle},
-                        {Measurement::delta_velocity, &Sample::delta_velocity}};
 
 // --- Vectors; `Place` is the number of the first bit in ReadBack::components, divided by 3 ---
 template <Vector3 Sample::*Member, int Axis>

@@ -6,18 +6,11 @@
 #include <limits>
 
 #include "core/numbers/number_text.hpp"
+#include "protocols/measurements/measured_vectors.hpp"
 #include "protocols/quantities/columns.hpp"
 
 namespace imud {
 namespace {
-
-constexpr struct {
-  Measurement::Field field;
-  Vector3 Sample::*vector;
-} vectors[] = {{Measurement::rate, &Sample::rate},
-               {Measurement::specific_force, &Sample::specific_force},
-               {Measurement::delta_angle, &Sample::delta_angle},
-               {Measurement::delta_velocity, &Sample::delta_velocity}};
 
 class RowWriter {
  public:
@@ -87,7 +80,7 @@ std::size_t write_fields(const Sample& sample, std::uint32_t fields, std::span<c
   RowWriter writer(row, digits);
   writer.field(carried(Measurement::time), sample.stamp().ns);
   writer.field(carried(Measurement::counter), sample.counter);
-  for (const auto& [field, vector] : vectors)
+  for (const auto& [field, vector] : measured_vectors)
     for (const double component : sample.*vector) writer.field(carried(field) && !std::isnan(component), component);
   writer.field(carried(Measurement::temperature), sample.temperature_c);
   writer.field(carried(Measurement::status), sample.status, with_inclination ? ',' : '\n');
@@ -126,7 +119,7 @@ bool read_measurement_csv(std::string_view row, Measurement& measurement) noexce
   };
   carry(reader.field(sample.time.ns), Measurement::time);
   carry(reader.field(sample.counter), Measurement::counter);
-  for (const auto& [field, vector] : vectors) {
+  for (const auto& [field, vector] : measured_vectors) {
     const bool is_carried = read(sample.*vector) != 0;
     if (!is_carried) (sample.*vector).setZero();
     carry(is_carried, field);
