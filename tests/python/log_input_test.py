@@ -26,6 +26,15 @@ def combined(time_us, gyro, accel, relative=0):
     return struct.pack("<Q3fIi3fI", time_us, *gyro, 4000, relative, *accel, 4000)
 
 
+def expect_lacking_again(test, log):
+    """A product that sends each second sample, and no rate about x, is the same in the log."""
+    text = HEADER + "".join(f"{k}000000,{2 * k},,2,3,4,5,6,,,,,,,20,0\n" for k in range(1, 40))
+    run("imu-decode", "csv", "-", f"--{log}", test.folder / "b", stdin=text)
+    again, report = run("imu-decode", log, f"file:{test.folder}/b")
+    test.assertEqual(again, text)
+    test.assertIn("gaps       0 (0 samples missing)", report)
+
+
 class LogInput(RunTest):
     def decode(self, log, *settings, exit_code=0):
         (self.folder / "a.ulg").write_bytes(log)
@@ -45,12 +54,7 @@ class LogInput(RunTest):
         self.assertEqual(numpy.float32(rows[5][7]), numpy.float32(text.splitlines()[6].split(",")[7]))
 
     def test_what_is_lacking_is_lacking_again(self):
-        # A product that sends each second sample, and no rate about x.
-        text = HEADER + "".join(f"{k}000000,{2 * k},,2,3,4,5,6,,,,,,,20,0\n" for k in range(1, 40))
-        run("imu-decode", "csv", "-", "--ulog", self.folder / "b", stdin=text)
-        again, report = run("imu-decode", "ulog", f"file:{self.folder}/b")
-        self.assertEqual(again, text)
-        self.assertIn("gaps       0 (0 samples missing)", report)
+        expect_lacking_again(self, "ulog")
 
     def test_sensor_combined_is_preferred_to_one_sensor(self):
         data = [(0, struct.pack("<Q10xQ4f", 99, 90, 7, 8, 9, 20)), (1, combined(5, (1, 2, 3), (4, 5, 6))),
@@ -137,12 +141,7 @@ class McapInput(RunTest):
         self.assertIn("0 failures, 0 malformed", report)
 
     def test_what_is_lacking_is_lacking_again(self):
-        # A product that sends each second sample, and no rate about x.
-        text = HEADER + "".join(f"{k}000000,{2 * k},,2,3,4,5,6,,,,,,,20,0\n" for k in range(1, 40))
-        run("imu-decode", "csv", "-", "--mcap", self.folder / "b", stdin=text)
-        again, report = run("imu-decode", "mcap", f"file:{self.folder}/b")
-        self.assertEqual(again, text)
-        self.assertIn("gaps       0 (0 samples missing)", report)
+        expect_lacking_again(self, "mcap")
 
     def test_imu_messages_of_ros_2_are_read(self):
         for order in "<", ">":
