@@ -17,6 +17,7 @@
 #include "tests/tools/synthetic_noise.hpp"
 #include "tests/transports/scratch_folder.hpp"
 #include "tools/plot/run_errors.hpp"
+#include "tools/plot/run_plot.hpp"
 
 namespace imud {
 namespace {
@@ -45,6 +46,25 @@ TEST(RunErrors, ErrorMeanAndSigmaAreThoseOfTheSeeds) {
   EXPECT_NEAR(channel.density[3], 0, 1e-12);  // a constant error
 
   EXPECT_THROW(compare_runs(recording_of(measured), recording_of({1, 2, 3}), 0, {}), std::runtime_error);
+}
+
+// The axes of a spectrum, which are logarithmic, are not those of the next chart.
+TEST(RunErrors, EachChartBeginsWithPlainAxes) {
+  const std::vector<double> truth(99, 5), measured(99, 5.5);
+  const auto run = compare_runs(recording_of(measured), recording_of(truth), 3, [](std::uint64_t seed) {
+    return recording_of(std::vector<double>(99, 4 + 2 * static_cast<double>(seed)));
+  });
+  const std::string commands = run_plot_commands(run, "samples.csv", "spectrum.csv", "run.svg");
+  std::size_t charts = 0, begin = 0;
+  for (std::size_t at = commands.find("\nplot "); at != commands.npos; at = commands.find("\nplot ", begin)) {
+    const std::string chart = commands.substr(begin, at - begin);
+    const std::size_t plain = chart.find("unset logscale\nset format '%g'\nset autoscale\nunset xlabel\n");
+    ASSERT_NE(plain, chart.npos) << chart;
+    EXPECT_EQ(chart.substr(0, plain).find("set logscale"), chart.npos) << chart;
+    begin = at + 1;
+    ++charts;
+  }
+  EXPECT_EQ(charts, 3U);
 }
 
 // White noise of sigma 1 at 200 Hz has the one-sided density 2/200. The mean of the squares over 400,000 samples has
