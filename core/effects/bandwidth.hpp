@@ -12,8 +12,8 @@
 
 namespace imud {
 
-// The low-pass filter of the sensor, SensorFilter, of the value alone: increments are sums of the unfiltered values,
-// as tactical sensors have them.
+// The low-pass filter of the sensor (SensorFilter): Butterworth or boxcars. It filters the value and not the
+// increments, which are sums of unfiltered values, as tactical sensors have them.
 //
 // Each section of a Butterworth filter is solved as a state-variable filter by the trapezoidal rule, which is the
 // bilinear transform: with x the input, y the output, g = tan(pi f_c/rate) and the damping k,

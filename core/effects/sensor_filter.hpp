@@ -34,8 +34,8 @@ struct SensorFilter {
 // Returns the group delay of axis 0 to 2 at frequency 0, s: the delay of a slow motion. `rate_hz`: the rate at
 // which the filter runs.
 double group_delay_s(const SensorFilter& filter, int axis, double rate_hz);
-// Returns the group delay at frequency 0 of a filter of taps h(i), whose sum is not 0: sum of i h(i) over the sum of
-// h(i), in samples.
+// Returns the group delay at frequency 0, s, of a filter of taps h(i), whose sum is not 0. In samples it is the sum
+// of i h(i) over the sum of h(i).
 double group_delay_s(std::span<const double> taps, double rate_hz);
 
 // The filters that a product has set in itself.

@@ -88,7 +88,8 @@ class Vibration {
   std::optional<VehicleState> followed() const noexcept { return envelope_.of; }
   // Returns the present factor on the mean square of the vibration.
   double power_factor() const noexcept { return factor_ * factor_; }
-  // Goes on with the phases of `before`.
+  // Goes on with the rotor's speed and the factor of the envelope of `before`; if both have equally many lines, also
+  // with the phases of the rotor's harmonics.
   void continue_from(const Vibration& before) noexcept;
 
   // Adds the vibration at `time` to the values, and its integral over the step from the last call's time to the

@@ -26,7 +26,7 @@ class EpochGrid {
       : host_(host), epoch_(epoch), counters_(counters), imus_(imus) {}
 
   // Returns the start of grids that may not start before `ready`: `ready` without an epoch, otherwise the next whole
-  // second of the epoch's clock. The first call reads the clock. Changes of the clock count from then on, so that the
+  // second of the epoch's clock. Reads the clock of the epoch. Changes of the clock count from then on, so that the
   // imus must be placed at once.
   HostTime start_from(HostTime ready) noexcept;
 

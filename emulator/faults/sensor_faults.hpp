@@ -42,7 +42,7 @@ class SensorFaults {
     double white_sigma;       // of the sensor's own white noise in a sample, of the x axis
     std::uint32_t saturated;  // the bit of Sample::status for the x axis; y and z have the next two. 0: none
   };
-  // The output of the targets in a sample, for values that are stuck.
+  // The values of the targets in a sample; a stuck target repeats them.
   struct Output {
     Vector3 rate = Vector3::Zero(), specific_force = Vector3::Zero(), magnetic_field = Vector3::Zero(),
             inclination = Vector3::Zero();

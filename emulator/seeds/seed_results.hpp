@@ -23,8 +23,8 @@ class SeedResults {
   explicit SeedResults(bool keeps, std::size_t parts = 1, std::span<const FaultConfig> faults = {})
       : keeps_(keeps), parts_(parts), faults_(faults) {}
 
-  // `text`: a JSON array of the summaries of runs. Logs the shortfalls of the first seeds, and the remarks of the
-  // first run. Returns false if a signal has ended one of the runs.
+  // `text`: a JSON array of the summaries of runs. Logs the first ten shortfalls, violated limits and failed
+  // expectations of all seeds, and the remarks of the first run. Returns false if a signal has ended one of the runs.
   bool add(const std::string& text);
 
   int exit_code() const noexcept { return exit_code_; }

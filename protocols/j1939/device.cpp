@@ -339,8 +339,8 @@ class J1939Device final : public Device {
     return (sample_.status & (status::truth_extrapolated | status::truth_stale)) != 0 ? merit_degraded : merit_good;
   }
 
-  // Returns the figure of merit of a number. `saturated_x` is the status bit of the x axis; `axis` is the number of
-  // the axis on the wire.
+  // Returns the figure of merit of a number. `saturated_x` is the status bit of the x axis; `axis`, from 0 to
+  // 2, is of O, the axes in which the unit sends; saturation of any own axis that contributes to it counts.
   Merit merit(std::uint32_t saturated_x, const Matrix3& dcm_OP, int axis) const noexcept {
     if (!unit_.model->has_merits) return merit_not_available;
     for (int own = 0; own < 3; ++own)

@@ -21,7 +21,7 @@ TEST(Columns, NamesSelectTheChannels) {
     EXPECT_THROW(parse_columns(text, columns), std::invalid_argument) << text;
 }
 
-// A table may have a hole. The channels are those of the first sample.
+// A table may lack a number. The channels follow from the first sample.
 TEST(StillRecorder, SampleWithOtherComponentsIsInvalid) {
   StillRecorder recorder(*find_protocol("csv"), {.rate_hz = {}, .increments = false, .largest_missing = 10}, 1000);
   const double none = std::numeric_limits<double>::quiet_NaN();

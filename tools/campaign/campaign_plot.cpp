@@ -215,7 +215,7 @@ CampaignPicture heat_map(const CaseStatistics& statistics, std::size_t number, c
   if (figure.is_expectation) text += "set cbrange [0:100]\n";
   const std::string file = in_quotes(data_path) + " every ::1 using ";
   text += "plot " + file + "2:3:4 with image pixels";
-  // The numbers stand in cells that have room.
+  // With at most 120 cells each has room for its number.
   if (columns * rows <= 120) text += fmt::format(", \\\n  {}2:3:(sprintf('%.3g', $4)) with labels font ',9'", file);
   return {data, text + "\n"};
 }

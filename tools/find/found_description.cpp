@@ -37,7 +37,7 @@ double clock_unit(double measured_s, double step) {
   return measured_s;
 }
 
-// An element of a layout, and the value that it has in the test frame.
+// An element of a layout: the number of its bytes, and its text.
 struct Element {
   std::size_t size = 0;
   std::string text;

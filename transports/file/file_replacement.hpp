@@ -20,8 +20,8 @@ class FileReplacement {
   static constexpr std::string_view suffix = ".incomplete";
 
   // Returns the path of the file that a new content of `path` replaces: `path` itself, or the end of a chain of
-  // symbolic links; it need not exist. Returns nullopt for a path that can only be written in place: a device, a
-  // fifo, a folder, or a descriptor of this process such as /dev/fd/3.
+  // symbolic links; it need not exist. Returns nullopt for a path that cannot be replaced: a device, a fifo, a
+  // folder, or a descriptor of this process such as /dev/fd/3.
   static std::optional<std::string> target(const std::string& path);
 
   // How the constructor treats a PATH.incomplete that was left behind: it replaces or continues the file.
