@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
 #include <boost/endian/conversion.hpp>
 #include <charconv>
@@ -9,6 +10,10 @@
 #include <cstdint>
 #include <cstdlib>
 #include <cstring>
+
+#if defined(__SSE2__)
+#include <emmintrin.h>
+#endif
 
 namespace imud {
 namespace {
@@ -24,11 +29,27 @@ constexpr auto powers_of_ten = [] {
   return powers;
 }();
 
-// Writes the eight digits of `number`, which must be below 10^8. The parts of the number are in lanes of one word:
-// two of four digits, then four of two, then eight of one; the first digits are in the lowest lane. A division by 100
-// or 10 is a multiplication and a shift, which are exact for numbers below 10^4 and 10^2.
-void write_eight(char* at, std::uint32_t number) noexcept {
-  const std::uint64_t fours = number / 10'000 | std::uint64_t{number % 10'000} << 32U;
+#if defined(__SSE2__)
+// Writes the sixteen digits of two numbers below 10^8. Their parts are in lanes of one register: two of four digits
+// in each half, then four of two, then eight of one; the first digits are in the lowest lane. A division by 10^4, 100
+// or 10 is a multiplication and a shift, which are exact for numbers below 10^8, 10^4 and 10^2.
+void write_sixteen(char* at, std::uint64_t first, std::uint64_t second) noexcept {
+  const __m128i eights = _mm_set_epi64x(static_cast<std::int64_t>(second), static_cast<std::int64_t>(first));
+  const __m128i upper = _mm_srli_epi64(_mm_mul_epu32(eights, _mm_set1_epi64x(0xD1B7'1759)), 45);
+  const __m128i lower = _mm_sub_epi64(eights, _mm_mul_epu32(upper, _mm_set1_epi64x(10'000)));
+  const __m128i fours = _mm_or_si128(upper, _mm_slli_epi64(lower, 32));
+  const __m128i hundreds = _mm_srli_epi16(_mm_mulhi_epu16(fours, _mm_set1_epi16(5243)), 3);
+  const __m128i below_100 = _mm_sub_epi16(fours, _mm_mullo_epi16(hundreds, _mm_set1_epi16(100)));
+  const __m128i twos = _mm_or_si128(hundreds, _mm_slli_epi32(below_100, 16));
+  const __m128i tens = _mm_mulhi_epu16(twos, _mm_set1_epi16(6554));
+  const __m128i below_10 = _mm_sub_epi16(twos, _mm_mullo_epi16(tens, _mm_set1_epi16(10)));
+  const __m128i ones = _mm_or_si128(tens, _mm_slli_epi16(below_10, 8));
+  _mm_storeu_si128(reinterpret_cast<__m128i*>(at), _mm_add_epi8(ones, _mm_set1_epi8('0')));
+}
+#else
+// Does the same for one number, whose parts are in lanes of one word.
+void write_eight(char* at, std::uint64_t number) noexcept {
+  const std::uint64_t fours = number / 10'000 | number % 10'000 << 32U;
   const std::uint64_t hundreds = fours * 5243 >> 19U & 0x0000'007F'0000'007F;
   const std::uint64_t twos = hundreds | (fours - 100 * hundreds) << 16U;
   const std::uint64_t tens = twos * 103 >> 10U & 0x000F'000F'000F'000F;
@@ -36,16 +57,44 @@ void write_eight(char* at, std::uint32_t number) noexcept {
   boost::endian::store_little_u64(reinterpret_cast<unsigned char*>(at), ones + 0x3030'3030'3030'3030);
 }
 
+void write_sixteen(char* at, std::uint64_t first, std::uint64_t second) noexcept {
+  write_eight(at, first);
+  write_eight(at + 8, second);
+}
+#endif
+
 // Writes the `count` digits of `number`, and zeros behind them, all_digits characters in total. Returns the end of
 // the digits.
-char* write_digits(char* at, std::uint64_t number, int count) noexcept {
+[[gnu::always_inline]] inline char* write_digits(char* at, std::uint64_t number, int count) noexcept {
   constexpr std::uint64_t eight = 100'000'000;
   const std::uint64_t padded = number * powers_of_ten[static_cast<std::size_t>(all_digits - count)];
   const std::uint64_t nine = padded / eight;
   *at = static_cast<char>('0' + nine / eight);
-  write_eight(at + 1, static_cast<std::uint32_t>(nine % eight));
-  write_eight(at + 9, static_cast<std::uint32_t>(padded % eight));
+  write_sixteen(at + 1, nine % eight, padded % eight);
   return at + count;
+}
+
+// Moves the first `count` of the digits behind `at` to the left, and puts the point between them and the others.
+// Returns the place of the point.
+[[gnu::always_inline]] inline char* set_point(char* at, int count) noexcept {
+  for (int i = count; i > 0; --i, ++at) at[0] = at[1];
+  *at = '.';
+  return at;
+}
+
+// The next two are out of line, so that write() saves none of the registers that they need.
+[[gnu::noinline]] char* write_scientific(char* at, std::uint64_t significand, int count, int power) noexcept {
+  char* const end = write_digits(at + 1, significand, count);
+  char* const point = set_point(at, 1);
+  at = count > 1 ? end : point;
+  *at++ = 'e';
+  *at++ = power < 0 ? '-' : '+';
+  if (std::abs(power) < 10) *at++ = '0';
+  return std::to_chars(at, at + 3, std::abs(power)).ptr;
+}
+
+[[gnu::noinline]] char* write_integer(char* at, std::uint64_t significand, int count, int zeros) noexcept {
+  return std::fill_n(write_digits(at, significand, count), zeros, '0');
 }
 
 // Rounds the exact value of `magnitude` to `digits` significant digits.
@@ -99,26 +148,15 @@ template <bool is_limited>
   const int power = before_point - 1;
   const int scientific = count + (count > 1 ? 1 : 0) + (std::abs(power) < 100 ? 4 : 5);
   const int fixed = exponent >= 0 ? before_point : before_point > 0 ? count + 1 : count + 2 - before_point;
-  const bool is_fixed = fixed <= scientific;
-  if (is_fixed && before_point <= 0) {
+  if (fixed > scientific) return write_scientific(at, significand, count, power);
+  if (exponent >= 0) return write_integer(at, significand, count, exponent);
+  if (before_point <= 0) {
     std::memcpy(at, "0.000", 5);  // with more zeros behind the point, the scientific text would be shorter
     return write_digits(at + 2 - before_point, significand, count);
   }
-  if (is_fixed && exponent >= 0) {
-    at = write_digits(at, significand, count);
-    for (int i = 0; i < exponent; ++i) *at++ = '0';
-    return at;
-  }
-  // The digits before the point move to the left, and the point takes the place of the last of them.
   char* const end = write_digits(at + 1, significand, count);
-  for (int i = is_fixed ? before_point : 1; i > 0; --i, ++at) at[0] = at[1];
-  *at = '.';
-  if (is_fixed) return end;
-  at = count > 1 ? end : at;
-  *at++ = 'e';
-  *at++ = power < 0 ? '-' : '+';
-  if (std::abs(power) < 10) *at++ = '0';
-  return std::to_chars(at, at + 3, std::abs(power)).ptr;
+  set_point(at, before_point);
+  return end;
 }
 
 }  // namespace
