@@ -12,7 +12,7 @@
 
 namespace imud {
 
-inline constexpr std::array<std::string_view, 27> all_quantities = {"rate_x_rad_per_s",
+inline constexpr std::array<std::string_view, 29> all_quantities = {"rate_x_rad_per_s",
                                                                     "rate_y_rad_per_s",
                                                                     "rate_z_rad_per_s",
                                                                     "specific_force_x_m_per_s2",
@@ -35,11 +35,13 @@ inline constexpr std::array<std::string_view, 27> all_quantities = {"rate_x_rad_
                                                                     "velocity_north_m_per_s",
                                                                     "velocity_east_m_per_s",
                                                                     "velocity_down_m_per_s",
+                                                                    "gnss_satellites",
+                                                                    "gnss_position_sigma_north_m",
                                                                     "gps_time_of_week_s",
                                                                     "time_s",
                                                                     "sample_counter",
                                                                     "status"};
-inline constexpr std::size_t all_reals = 24;  // the first of them; the others are integers, the time in microseconds
+inline constexpr std::size_t all_reals = 26;  // the first of them; the others are integers, the time in microseconds
 
 inline std::string every_quantity_dbc() {
   std::string text, types;

@@ -2,6 +2,7 @@
 // their hashes, in fault_hashes.txt, are those of every compiler and optimisation.
 #include <gtest/gtest.h>
 
+#include "emulator/faults/fault_kinds.hpp"
 #include "tests/emulator/every_quantity.hpp"
 #include "tests/support/text.hpp"
 
@@ -10,14 +11,23 @@ namespace {
 
 constexpr double scenario_s = 10;
 
-// Returns the faults of fault_bytes.txt for these imus: lists of names, empty where no imu is such.
-std::string all_faults(const std::string& all, const std::string& lines, const std::string& sealed,
-                       const std::string& bus) {
+// The imus of each group that fault_bytes.txt names: lists of names, empty where no imu is such.
+struct Groups {
+  std::string all, lines, sealed, bus, inclined, tested;
+};
+
+// Returns the faults of fault_bytes.txt for these imus.
+std::string all_faults(const Groups& groups) {
   std::string text = "fault = [\n";
   for (std::string line : lines_of(read_file(IMUD_TEST_DATA "/emulator/faults/fault_bytes.txt"))) {
     if (line.starts_with('#')) continue;
     bool has_imus = true;
-    for (const auto& [word, imus] : {std::pair("ALL", all), {"LINES", lines}, {"SEALED", sealed}, {"BUS", bus}}) {
+    for (const auto& [word, imus] : {std::pair("ALL", groups.all),
+                                     {"LINES", groups.lines},
+                                     {"SEALED", groups.sealed},
+                                     {"BUS", groups.bus},
+                                     {"INCLINED", groups.inclined},
+                                     {"TESTED", groups.tested}}) {
       const std::size_t at = line.find(fmt::format("imu = {},", word));
       if (at == line.npos) continue;
       has_imus = !imus.empty();
@@ -28,7 +38,26 @@ std::string all_faults(const std::string& all, const std::string& lines, const s
   return text + "]\n";
 }
 
+// Returns the groups of imus of `native`, which have neither inclinometers nor a self test.
+Groups native_groups(const std::string& imus) {
+  return {.all = imus, .lines = imus, .sealed = imus, .bus = "", .inclined = "", .tested = ""};
+}
+
 class FaultBytesTest : public EveryQuantityTest {};
+
+TEST_F(FaultBytesTest, HaveEveryKindOnEveryTarget) {
+  const std::string text = read_file(IMUD_TEST_DATA "/emulator/faults/fault_bytes.txt");
+  std::size_t asked = 0;
+  for (const FaultKind* const kind : fault_kinds()) {
+    if (!kind->in_lockstep) continue;
+    for (const std::string_view target : kind->targets) {
+      ++asked;
+      EXPECT_NE(text.find(fmt::format("target = \"{}\", kind = \"{}\"", target, kind->name)), text.npos)
+          << "fault_bytes.txt lacks " << target << ", " << kind->name;
+    }
+  }
+  EXPECT_GE(asked, 110U);
+}
 
 TEST_F(FaultBytesTest, AreTheSameEachTimeAndInEveryBuild) {
   const auto product = [](const std::string& name, const std::string& keys, double rate_hz) {
@@ -39,8 +68,12 @@ TEST_F(FaultBytesTest, AreTheSameEachTimeAndInEveryBuild) {
       product("vectornav",
               "device.async_type = 0\ndevice.binary_1 = \"1,4,04,0ED0\"\nnavigation.solution = \"truth\"\n", 800),
       product("mip", "navigation.solution = \"truth\"\n", 1000)};
-  const std::string faults = all_faults("\"*\"", "[\"native\", \"stim300\", \"vectornav\", \"mip\"]",
-                                        "[\"native\", \"stim300\", \"vectornav\"]", "\"dbc\"");
+  const std::string faults = all_faults({.all = "\"*\"",
+                                         .lines = "[\"native\", \"stim300\", \"vectornav\", \"mip\"]",
+                                         .sealed = "[\"native\", \"stim300\", \"vectornav\"]",
+                                         .bus = "\"dbc\"",
+                                         .inclined = "\"stim300\"",
+                                         .tested = "\"stim300\""});
   const Sampled one = run(units, faults, scenario_s);
   EXPECT_GT(one.acted.size(), 300U);
   EXPECT_EQ(run(units, faults, scenario_s).sent, one.sent);
@@ -65,10 +98,10 @@ TEST_F(FaultBytesTest, AreTheSameEachTimeAndInEveryBuild) {
 TEST_F(FaultBytesTest, AreTheSameBesideFifteenOthers) {
   std::vector<Unit> many;
   for (int i = 1; i <= 16; ++i) many.push_back(native_unit(fmt::format("imu{}", i)));
-  const std::string one = "\"imu1\"", all = "\"*\"";
-  const Sampled alone = run({many[0]}, all_faults(one, one, one, ""), scenario_s);
-  const Sampled beside = run(many, all_faults(one, one, one, ""), scenario_s);
-  const Sampled together = run(many, all_faults(all, all, all, ""), scenario_s);
+  const std::string one = all_faults(native_groups("\"imu1\"")), all = all_faults(native_groups("\"*\""));
+  const Sampled alone = run({many[0]}, one, scenario_s);
+  const Sampled beside = run(many, one, scenario_s);
+  const Sampled together = run(many, all, scenario_s);
   EXPECT_EQ(beside.sent[0], alone.sent[0]);
   EXPECT_EQ(together.sent[0], alone.sent[0]);
   EXPECT_NE(together.sent[1], together.sent[0]);

@@ -162,10 +162,12 @@ TEST_F(QuantityFaultsTest, NoiseAndSpikes) {
 TEST_F(QuantityFaultsTest, OfTheGnssReceiver) {
   const Quantities clean = measured("");
   constexpr double a = 6378137, f = 1 / 298.257223563, e2 = f * (2 - f);
-  constexpr std::string_view all[] = {"latitude_rad",           "longitude_rad",         "height_m",
-                                      "velocity_north_m_per_s", "velocity_east_m_per_s", "velocity_down_m_per_s",
-                                      "gps_time_of_week_s"};
-  const std::span<const std::string_view> place(all, 3), motion(all, 6), time(all + 6, 1);
+  constexpr std::string_view all[] = {
+      "latitude_rad",           "longitude_rad",         "height_m",
+      "velocity_north_m_per_s", "velocity_east_m_per_s", "velocity_down_m_per_s",
+      "gps_time_of_week_s",     "gnss_satellites",       "gnss_position_sigma_north_m"};
+  const std::span<const std::string_view> place(all, 3), motion(all, 6), time(all + 6, 1), satellites(all + 7, 1),
+      sigma(all + 8, 1);
   // In metres north, east and down of the place without the fault.
   const auto off = [&](const Quantities& faulty, std::size_t k) {
     const auto change = [&](std::string_view name) { return faulty[k].at(name) - clean[k].at(name); };
@@ -193,6 +195,12 @@ TEST_F(QuantityFaultsTest, OfTheGnssReceiver) {
   compare(
       measured("target = \"gnss\"\nkind = \"time_jump\"\nvalue_s = -1.5\n"), clean, time,
       [&](std::string_view name, std::size_t k) { return clean[k].at(name) - 1.5; }, 1e-9);
+  compare(
+      measured("target = \"gnss\"\nkind = \"satellites\"\nvalue = 5\n"), clean, satellites,
+      [](std::string_view, std::size_t) { return 5.0; }, 0);
+  compare(
+      measured("target = \"gnss\"\nkind = \"accuracy\"\nfactor = 4\n"), clean, sigma,
+      [&](std::string_view name, std::size_t k) { return 4 * clean[k].at(name); }, 1e-6);
   compare(
       measured("target = \"gnss\"\nkind = \"no_fix\"\n"), clean, all,
       [](std::string_view, std::size_t) { return 0.0; }, 0);
