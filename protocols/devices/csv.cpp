@@ -3,8 +3,7 @@
 // their columns.
 //
 // The text has no checksum. A reader that joins in the middle of a number may take the rest for a whole number.
-#include <array>
-#include <cstring>
+#include <span>
 
 #include "protocols/measurements/measurement_csv.hpp"
 #include "protocols/quantities/columns.hpp"
@@ -26,21 +25,18 @@ class CsvDevice final : public Device {
   void sample(const Sample& sample, FrameBuffer& out) noexcept override {
     if (!header_sent_) {
       with_inclination_ = sample.inclination.has_value();
-      push(with_inclination_ ? measurement_csv_header_with_inclination : measurement_csv_header, out);
+      const std::string_view header =
+          with_inclination_ ? measurement_csv_header_with_inclination : measurement_csv_header;
+      out.append(std::as_bytes(std::span(header)));
     }
     header_sent_ = true;
-    std::array<char, measurement_csv_row_max> row;
-    push({row.data(), write_measurement_csv(sample, row, with_inclination_, digits_)}, out);
+    const std::span<std::byte> room = out.room(measurement_csv_row_max);
+    if (room.empty()) return;
+    const std::span<char, measurement_csv_row_max> row(reinterpret_cast<char*>(room.data()), room.size());
+    out.push(write_measurement_csv(sample, row, with_inclination_, digits_));
   }
 
  private:
-  static void push(std::string_view text, FrameBuffer& out) noexcept {
-    const std::span<std::byte> room = out.room(text.size());
-    if (room.empty()) return;
-    std::memcpy(room.data(), text.data(), text.size());
-    out.push(text.size());
-  }
-
   const int digits_;
   bool header_sent_ = false, with_inclination_ = false;
 };
