@@ -31,6 +31,7 @@ void Imu::move_to_sensor(const MotionState& state, PositionVelocity& position) c
 void Imu::sense_earth(const Earth& earth, PositionVelocity position, const Timeline::Surroundings& given,
                       const MotionState& now, Sample& out) noexcept {
   move_to_sensor(now, position);
+  out.has_surroundings = true;
   out.navigation = earth.navigation(position);
   const bool is_known = out.navigation.is_known;
   const Quaternion q_NP = out.q_LP;

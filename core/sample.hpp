@@ -1,6 +1,7 @@
 // Sample: one output of the sensor model, in SI and in the sensor's platform axes P.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
@@ -141,16 +142,18 @@ struct Sample {
   Vector3 delta_angle = Vector3::Zero();     // rad, over the step that ends at `time`; 0 in the first sample of a run
   Vector3 delta_velocity = Vector3::Zero();  // m/s, over that step
   double temperature_c = 25.0;               // degrees Celsius
+  std::uint32_t status = 0;                  // bits of namespace status
+  std::int32_t stamp_error_ns = 0;           // the error of stamp()
   // The attitude of the platform relative to north-east-down, for products that report an attitude, as a unit
   // quaternion: v_L = q_LP * v_P; the true one, unless it is a filter's solution. Where the relation of N to the
   // Earth is unknown (EarthModel::Frame::none), N is taken as L.
   Quaternion q_LP = Quaternion::Identity();
+  std::optional<Vector3> inclination;  // m/s^2, the specific force by the inclinometers; nullopt: it has none
+  // The members from here on are as initialised if `has_surroundings` is false and there is no solution.
   Navigation navigation;                     // the sensor's point S
   Vector3 magnetic_field = Vector3::Zero();  // T; 0 where the place is unknown
   double pressure = 0;                       // Pa; 0 if unknown
-  std::optional<Vector3> inclination;        // m/s^2, the specific force by the inclinometers; nullopt: it has none
-  std::uint32_t status = 0;                  // bits of namespace status
-  std::int32_t stamp_error_ns = 0;           // the error of stamp()
+  bool has_surroundings = false;             // place, field and pressure were looked for
   std::optional<Solution> solution;          // nullopt: q_LP and navigation are the truth's, with NavigationErrors
 };
 
@@ -164,6 +167,15 @@ inline void copy(const Sample& from, Sample& to) noexcept {
     std::memcpy(static_cast<void*>(&to), &from, offsetof(Sample, solution));
     to.solution.reset();
   }
+}
+
+// The members before `navigation` as bytes: three cache lines of the thirteen of a sample.
+using SampleOfMotion = std::array<std::byte, offsetof(Sample, navigation)>;
+
+inline void copy(const Sample& from, SampleOfMotion& to) noexcept { std::memcpy(&to, &from, to.size()); }
+// Leaves the other members of `to` as they are.
+inline void copy(const SampleOfMotion& from, Sample& to) noexcept {
+  std::memcpy(static_cast<void*>(&to), &from, from.size());
 }
 
 // Sums of the increments of several samples, for products that send fewer samples than they take.

@@ -5,8 +5,11 @@
 namespace imud {
 
 EncodingThread::EncodingThread(std::size_t channels, const std::atomic<bool>& stop, std::deque<NormalStock>& numbers)
-    : stop_(stop), numbers_(numbers) {
-  for (Batch& batch : ring_.batches()) batch.items.reserve(batch_size + channels);
+    : stop_(stop), numbers_(numbers), motions_(channels) {
+  for (Batch& batch : ring_.batches()) {  // only what is written takes pages
+    batch.items.reserve(batch_size + channels);
+    batch.samples.reserve(batch_size + channels);
+  }
   thread_ = std::thread([this] { run(); });
 }
 
@@ -27,7 +30,7 @@ bool EncodingThread::serves(std::span<const std::unique_ptr<Channel>> channels) 
 void EncodingThread::put(std::span<Channel* const> prepared) noexcept {
   if (filling_ == nullptr) {
     filling_ = &ring_.next_free();
-    filling_->count = 0;
+    filling_->count = filling_->sample_count = 0;
   }
   for (Channel* channel : prepared) {
     if (filling_->count == filling_->items.size()) filling_->items.emplace_back();
@@ -35,7 +38,15 @@ void EncodingThread::put(std::span<Channel* const> prepared) noexcept {
     item.channel = channel;
     item.is_last = channel == prepared.back();
     item.outgoing = channel->prepared;
-    copy(*channel->prepared.sample, item.sample);
+    item.whole = Item::none;
+    const Sample& sample = *channel->prepared.sample;
+    if (!sample.has_surroundings && !sample.solution) {
+      copy(sample, item.motion);
+      continue;
+    }
+    item.whole = filling_->sample_count++;
+    if (item.whole == filling_->samples.size()) filling_->samples.emplace_back();
+    copy(sample, filling_->samples[item.whole]);
   }
   if (filling_->count >= batch_size) publish();
 }
@@ -58,7 +69,7 @@ void EncodingThread::run() noexcept {
     for (std::span<Item> left(batch.items.data(), batch.count); !left.empty();) {
       const auto last = std::ranges::find_if(left, &Item::is_last);
       const auto size = static_cast<std::size_t>(last - left.begin()) + 1;
-      send(left.first(size));
+      send(left.first(size), batch.samples);
       left = left.subspan(size);
     }
     ring_.give_back();
@@ -66,10 +77,12 @@ void EncodingThread::run() noexcept {
 }
 
 // Sends the samples of an instant as Pace::transmit() does.
-void EncodingThread::send(std::span<Item> instant) noexcept {
+void EncodingThread::send(std::span<Item> instant, std::span<Sample> samples) noexcept {
   for (Item& item : instant) item.channel->lines.wait_for_room(stop_);
-  for (Item& item : instant) {
-    item.outgoing.sample = &item.sample;
+  for (Sample* motion = motions_.data(); Item & item : instant) {
+    Sample& sample = item.whole == Item::none ? *motion++ : samples[item.whole];
+    if (item.whole == Item::none) copy(item.motion, sample);
+    item.outgoing.sample = &sample;
     item.channel->encode(item.outgoing);
   }
   for (Item& item : instant) item.channel->lines.wait_for_room(stop_);

@@ -62,7 +62,7 @@ void Channel::set_faults(std::span<const ActiveFault> wire, std::span<const Acti
   if (change == Unit::PowerChange::goes_off) sensor.imu().power_off();
 }
 
-void Channel::prepare(std::optional<TruthTime> truth, bool silent) noexcept {
+void Channel::prepare(const std::optional<TruthTime>& truth, bool silent) noexcept {
   if (const OwnSolution* solution = sensor.own_solution()) {
     const auto store = [](const Navigator::Counts& counts, Counter& used, Counter& rejected) {
       used.store(counts.used, std::memory_order_relaxed);
@@ -78,9 +78,11 @@ void Channel::prepare(std::optional<TruthTime> truth, bool silent) noexcept {
   }
   const SampleFeed* const feed = awaited.feed();
   Sample& sample = sensor.sample();
-  // Each member is set by itself, because a temporary Prepared would be aligned on the stack as `prepared` is.
+  // Each member is set by itself, because a temporary Prepared would be aligned on the stack as `prepared` is. So is
+  // the optional time: a processor cannot read two values together that it has just written one after the other.
   prepared.sample = &sample;
-  prepared.truth = truth;
+  prepared.truth.reset();
+  if (truth) prepared.truth = *truth;
   prepared.is_silent = silent;
   prepared.is_shown = feed != nullptr && feed->wants(number, sample.counter);
   if (faults && !(faults->are_quiet() && unit.is_steady()))

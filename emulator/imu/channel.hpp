@@ -88,7 +88,7 @@ class Channel {
   struct alignas(64) Prepared : Outgoing {};
   Prepared prepared;  // by prepare()
   // Prepares the sample that Sensor::sense() has taken, and sets its faults.
-  void prepare(std::optional<TruthTime> truth, bool silent) noexcept;
+  void prepare(const std::optional<TruthTime>& truth, bool silent) noexcept;
   // Polls the device's deadlines up to the sample, and sends their frames. Then makes the frames of the sample. If
   // the sample is `skipped`, it counts as skipped, all these frames are discarded, and transmit() must not follow.
   // transmit() and count_sample() must be called for the same sample.
