@@ -45,9 +45,8 @@ class AttitudeReference {
   // truth of a run, may be given as well.
   void take(Sample& sample) noexcept;
 
-  // The filter, whose state is valid if is_aligned().
+  // The filter, whose state is valid once it is aligned.
   const AttitudeFilter& filter() const noexcept { return filter_; }
-  bool is_aligned() const noexcept { return is_aligned_; }
   const Navigator::Counts& headings() const noexcept { return headings_; }
 
  private:

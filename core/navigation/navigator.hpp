@@ -49,9 +49,8 @@ class Navigator {
   // Does the same for a vehicle at rest before the first truth of a run. The solution is then aligning.
   void take_at_rest(Sample& sample) noexcept;
 
-  // The filter, whose state is valid if is_aligned().
+  // The filter, whose state is valid once it is aligned.
   const InertialFilter& filter() const noexcept { return filter_; }
-  bool is_aligned() const noexcept { return is_aligned_; }
   // Measurements that were used, and that were rejected.
   struct Counts {
     std::uint64_t used = 0, rejected = 0;

@@ -327,11 +327,7 @@ void ControlApi::log(const std::string& words) {
 }
 
 void ControlApi::report(const RunEvent& event) {
-  constexpr std::string_view kinds[] = {"run"};
-  Json json = {{"event", kinds[static_cast<std::size_t>(event.kind)]},
-               {"imu", event.imu < run_.config.imus.size() ? run_.config.imus[event.imu].name : "*"},
-               {"sample", event.sample},
-               {"time_ns", event.time_ns}};
+  const Json json = {{"event", "run"}, {"imu", "*"}, {"sample", event.sample}, {"time_ns", event.time_ns}};
   subscriptions_.send_event(json);
   if (on_event) on_event(json);
 }

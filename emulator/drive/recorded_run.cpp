@@ -72,9 +72,7 @@ RecordedRun::RecordedRun(const PortSpec& spec, const Config& config)
     const auto all = reader_.interfaces();
     return std::any_of(all.begin(), all.end(), [&](const PcapngInterface& i) { return i.name == name; });
   };
-  const auto begin = first_ && reader_.interfaces()[first_->interface].link_type == link_type::event
-                         ? decode_record_event(first_->bytes)
-                         : std::nullopt;
+  const auto begin = first_ ? decode_record_event(first_->bytes) : std::nullopt;
   constexpr std::string_view only_truth = "the capture record:FILE is its truth alone";
   if (!begin || begin->type != Type::begin || begin->c < RecordEvent::oldest_version ||
       begin->c > RecordEvent::version)

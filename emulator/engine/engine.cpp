@@ -219,8 +219,7 @@ void Engine::begin_run() noexcept {
   if (truth_faults_ != nullptr) truth_faults_->begin_run(watermark_);
   for (const auto& channel : channels_) channel->begin_run(timeline_.run_start());
   if (control_ != nullptr)
-    control_->events.push(
-        {.kind = RunEvent::Kind::run, .sample = channels_[0]->sensor.imu().next(), .time_ns = watermark_.ns});
+    control_->events.push({.sample = channels_[0]->sensor.imu().next(), .time_ns = watermark_.ns});
 }
 
 // The next sample of each imu has no increments.

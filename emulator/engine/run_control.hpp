@@ -27,17 +27,10 @@ class Request {
   std::atomic<bool> is_made_ = false;
 };
 
-// An event in the sampling thread that no command has caused. The results of commands are Applied.
+// A run of the truth begins in the sampling thread. The results of commands are Applied.
 struct RunEvent {
-  enum class Kind : std::uint8_t {
-    run,  // a run of the truth begins
-  };
-  static constexpr std::uint16_t all_imus = 0xFFFF;
-
-  Kind kind = Kind::run;
-  std::uint16_t imu = all_imus;
-  std::uint64_t sample = 0;  // Sample::counter of the first sample that it applies to, of the imu, or of the first
-  std::int64_t time_ns = 0;  // of that sample: its stamp by the device's clock
+  std::uint64_t sample = 0;  // Sample::counter of the first imu's first sample in the run
+  std::int64_t time_ns = 0;  // the truth time at which the run begins
 };
 
 // The constructor allocates; neither thread waits or locks. An event for which there is no room is counted.

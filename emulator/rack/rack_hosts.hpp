@@ -13,7 +13,6 @@ namespace imud {
 struct RackRun {
   std::string name;           // the stem of the file; [control] name of the run
   std::string file;           // the configuration on this machine
-  std::uint32_t line = 0;     // in the rack's file
   std::string text() const {  // for people: "imud@nose"
     return "imud@" + name;
   }
@@ -29,7 +28,6 @@ struct RackHost {
   std::string name;  // for people
   std::string ssh;   // the destination for ssh(1); empty: this machine, without ssh
   Service service = Service::system;
-  std::uint32_t line = 0;  // in the rack's file
   std::vector<RackRun> runs;
 };
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <filesystem>
 #include <map>
+#include <set>
 #include <string_view>
 
 #include "emulator/config/config_text.hpp"
@@ -32,7 +33,7 @@ std::vector<RackRun> read_runs(TableReader& table, const std::string& folder) {
   }
   for (const toml::node& item : *list) {
     const std::filesystem::path path = item.as_string()->get();
-    RackRun run{path.stem().string(), (std::filesystem::path(folder) / path).string(), item.source().begin.line};
+    RackRun run{path.stem().string(), (std::filesystem::path(folder) / path).string()};
     if (path.extension() != ".toml")
       table.fault("runs", fmt::format("{}: give a file NAME.toml, which imud@NAME runs", path.string()));
     else if (!has_only(run.name, letters) || run.name.front() == '-' || run.name.size() > longest_name)
@@ -79,12 +80,11 @@ Rack read_rack(const std::string& path) {
   rack.time_limit = nanoseconds(table.real("time_limit_s", 10, 1, 3600));
   const std::string folder = path == "-" ? "." : std::filesystem::path(path).parent_path().string();
   if (!table.has("host")) table.fault("host", "missing; give at least one [[host]]");
-  const toml::array* tables = text.root["host"].as_array();
-  std::map<std::string, std::string> names, destinations;  // of the hosts so far
+  std::set<std::string> names;                      // of the hosts so far
+  std::map<std::string, std::string> destinations;  // the names of these hosts
   for (TableReader& one : children(table, "host", "host")) {
     RackHost host = read_host(one, folder);
-    host.line = (*tables)[rack.hosts.size()].source().begin.line;
-    if (const auto [at, is_new] = names.emplace(host.name, host.name); !is_new && !host.name.empty())
+    if (!names.insert(host.name).second && !host.name.empty())
       one.fault("name", "another host has this name; give another");
     if (const auto [at, is_new] = destinations.emplace(host.ssh, host.name); !is_new)
       one.fault(host.ssh.empty() ? "local" : "ssh",

@@ -33,7 +33,6 @@ class LssSlave {
     unsigned node_id = unconfigured;
     unsigned bit_rate = 4;  // 125 kbit/s
   };
-  using Message = std::array<std::byte, 8>;
 
   void configure(unsigned command, std::span<const std::byte, 8> message, unsigned node_id,
                  FrameBuffer& out) noexcept;

@@ -159,17 +159,16 @@ void TransmitPdos::on_sync(unsigned counter, const Reading& reading, FrameBuffer
   }
 }
 
-bool TransmitPdos::on_remote(std::uint32_t id, const Reading& reading, FrameBuffer& out) noexcept {
+void TransmitPdos::on_remote(std::uint32_t id, const Reading& reading, FrameBuffer& out) noexcept {
   for (Pdo& pdo : pdos_) {
     if (!pdo.is_valid() || pdo.id() != id) continue;
-    if ((pdo.cob_id & bit_30) != 0) return true;
+    if ((pdo.cob_id & bit_30) != 0) return;
     if (pdo.type == remote_of_sync && pdo.latched)
       transmit(pdo, *pdo.latched, out);
     else if (pdo.type != remote_of_sync)
       transmit(pdo, reading, out);
-    return true;
+    return;
   }
-  return false;
 }
 
 // Returns the payload, and restarts the increments of the PDO.

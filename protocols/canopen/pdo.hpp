@@ -36,8 +36,8 @@ class TransmitPdos {
   void on_sample(const Reading& reading, FrameBuffer& out) noexcept;
   // `counter` is the counter of the SYNC; 0 if the SYNC has no counter.
   void on_sync(unsigned counter, const Reading& reading, FrameBuffer& out) noexcept;
-  // Answers a remote request. Returns false if no PDO has this identifier.
-  bool on_remote(std::uint32_t id, const Reading& reading, FrameBuffer& out) noexcept;
+  // Answers a remote request, if a PDO has this identifier.
+  void on_remote(std::uint32_t id, const Reading& reading, FrameBuffer& out) noexcept;
 
   void restart_increments() noexcept;
   // Returns true if a valid PDO has this identifier.

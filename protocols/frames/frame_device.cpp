@@ -218,7 +218,7 @@ UartSettings FrameDevice::uart() const noexcept {
   return uart;
 }
 
-void FrameDevice::poll_message(std::size_t message, DeviceTime, FrameBuffer& out) noexcept {
+void FrameDevice::poll_message(std::size_t message, FrameBuffer& out) noexcept {
   Scheduled& one = scheduled_[message];
   if (!one.is_allowed) return;
   if (!start_) {

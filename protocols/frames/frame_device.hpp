@@ -75,7 +75,7 @@ class FrameDevice final : public Device, private FrameHost::Unit {
     std::vector<double> carried = {};
   };
   Reading newest() const noexcept override { return {.sample = newest_, .figures = &figures_}; }
-  void poll_message(std::size_t message, DeviceTime now, FrameBuffer& out) noexcept override;
+  void poll_message(std::size_t message, FrameBuffer& out) noexcept override;
   void switch_messages() noexcept override;
   void restart(DeviceTime now) noexcept override;
 

@@ -53,7 +53,6 @@ class HandledFrames {
 
   // A block is a sequence of consecutive frames of the most frequent message, with the frames of the other
   // messages at that time.
-  std::size_t block_count(Handled capture) const { return time(capture).size(); }
   // Returns the time of the middle of each block, in frames of the most frequent message.
   const std::vector<double>& time(Handled capture) const { return part(capture).time; }
   // Returns the number of whole frames.

@@ -140,7 +140,6 @@ TurnFit::TurnFit(const HandledFrames& frames, const GravityFit& gravity) : frame
     if (count > 0 && squares / count > window_turn * window_turn) break;
   }
   const double mean = up_.size() > 1 ? (time.back() - time.front()) / static_cast<double>(up_.size() - 1) : 1;
-  window_frames_ = mean * static_cast<double>(blocks);
   for (std::size_t k = 0; k + blocks < up_.size(); k += blocks)
     // No window has a gap.
     if (time[k + blocks] - time[k] < 1.5 * mean * static_cast<double>(blocks)) windows_.push_back({k, k + blocks});

@@ -57,8 +57,6 @@ class TurnFit {
   // Returns nullopt if the numbers are no rates in these axes.
   std::optional<TurnFound> fit(const VectorPlace& place) const;
   std::size_t windows() const { return windows_.size(); }
-  // Returns the mean length of a window, in frames of the most frequent message.
-  double window_frames() const { return window_frames_; }
 
  private:
   struct Window {
@@ -67,7 +65,6 @@ class TurnFit {
   const HandledFrames& frames_;
   std::span<const Vector3> up_;
   std::vector<Window> windows_;
-  double window_frames_ = 0;
 };
 
 }  // namespace imud

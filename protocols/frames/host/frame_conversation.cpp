@@ -15,7 +15,7 @@ using Host = FrameHostDescription;
 class Idle final : public FrameHost::Unit {
  public:
   Reading newest() const noexcept override { return {sample_}; }
-  void poll_message(std::size_t, DeviceTime, FrameBuffer&) noexcept override {}
+  void poll_message(std::size_t, FrameBuffer&) noexcept override {}
   void switch_messages() noexcept override {}
   void restart(DeviceTime) noexcept override {}
 

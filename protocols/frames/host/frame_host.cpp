@@ -246,7 +246,7 @@ void FrameHost::set_line() noexcept {
 // Executes the effects of a request after its answer.
 void FrameHost::finish(std::size_t index, DeviceTime now, Unit& unit, FrameBuffer& out) noexcept {
   const FrameRequest& request = requests_->all()[index];
-  if (request.poll) unit.poll_message(*request.poll, now, out);
+  if (request.poll) unit.poll_message(*request.poll, out);
   set_line();
   if (!request.resets) return;
   start();

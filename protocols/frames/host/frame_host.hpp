@@ -28,7 +28,7 @@ class FrameHost {
    public:
     virtual Reading newest() const noexcept = 0;  // sample
     // Must send a message once: immediately with the newest sample or, if there is no sample yet, with the first one.
-    virtual void poll_message(std::size_t message, DeviceTime now, FrameBuffer& out) noexcept = 0;
+    virtual void poll_message(std::size_t message, FrameBuffer& out) noexcept = 0;
     // Is called when settings have changed, or the stream was switched.
     virtual void switch_messages() noexcept = 0;
     // Must start the unit as at power on.

@@ -121,7 +121,6 @@ runs = ["/etc/imud/nose.toml"]
   ASSERT_EQ(rack.hosts[0].runs.size(), 2U);
   EXPECT_EQ(rack.hosts[0].runs[1].name, "tail");
   EXPECT_EQ(rack.hosts[0].runs[1].file, (folder_ / "sub/tail.toml").string());
-  EXPECT_EQ(rack.hosts[0].runs[1].line, 4U);
   EXPECT_EQ(rack.hosts[1].ssh, "");
   EXPECT_EQ(rack.hosts[1].service, RackHost::Service::user);
   EXPECT_EQ(rack.hosts[1].runs[0].file, "/etc/imud/nose.toml");
