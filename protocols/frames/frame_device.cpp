@@ -111,7 +111,7 @@ void FrameDevice::step_clock(Nanoseconds by) noexcept {
   powered_ = powered_ + by;
   if (start_) start_ = *start_ + by;
   newest_.time = newest_.time + by;
-  for (Scheduled& one : scheduled_) one.sent = one.sent + by;
+  for (Scheduled& one : scheduled_) one.increments.sent = one.increments.sent + by;
   host_.step_clock(by);
 }
 
@@ -122,16 +122,9 @@ void FrameDevice::start(DeviceTime now) noexcept {
   for (Scheduled& one : scheduled_) {
     one.number = -1;
     one.skew = 0;
-    clear_increments(one, now);
+    one.increments.begin(now);
     std::ranges::fill(one.carried, 0);
   }
-}
-
-void FrameDevice::clear_increments(Scheduled& one, DeviceTime now) noexcept {
-  one.sent = now;
-  one.delta_angle.setZero();
-  one.delta_velocity.setZero();
-  one.rotation.setIdentity();
 }
 
 // Returns the number of the message that was last due.
@@ -145,7 +138,6 @@ std::int64_t FrameDevice::number_at(const Scheduled& one, DeviceTime now) const 
 }
 
 void FrameDevice::sample(const Sample& sample, FrameBuffer& out) noexcept {
-  constexpr double largest_turn = 1e4;            // rad; sine and cosine of larger angles are not defined
   constexpr std::uint64_t longest_gap = 1 << 30;  // samples; more is no gap
   if (sample.time - powered_ < starting_.silent) return;
   if (!start_) {
@@ -160,12 +152,7 @@ void FrameDevice::sample(const Sample& sample, FrameBuffer& out) noexcept {
   else
     newest_.time = sample.time;
   for (Scheduled& one : scheduled_) {
-    if (one.message.layout->has_increments()) {
-      one.delta_angle += sample.delta_angle;
-      one.delta_velocity += sample.delta_velocity;
-      const Vector3 turn = sample.delta_angle.cwiseMax(-largest_turn).cwiseMin(largest_turn);
-      one.rotation = (one.rotation * exp(turn)).normalized();
-    }
+    if (one.message.layout->has_increments()) one.increments.add(sample);
     const std::int64_t number = number_at(one, sample.time);
     const bool is_due = number > one.number;
     if (!is_due && !one.is_polled) continue;
@@ -176,7 +163,7 @@ void FrameDevice::sample(const Sample& sample, FrameBuffer& out) noexcept {
     if (is_streamed || one.is_polled)
       send(one, sample, out);
     else if (one.message.by_settings.is_streamed)
-      clear_increments(one, sample.time);
+      one.increments.begin(sample.time);
     one.is_polled = false;
   }
 }
@@ -189,12 +176,11 @@ void FrameDevice::send(Scheduled& one, const Sample& sample, FrameBuffer& out) n
   if (room.size() != longest) return;
   const MessageLayout::State state{static_cast<std::uint64_t>(one.number + one.skew), frames_++,
                                    sample.time - powered_ < starting_.until};
-  const auto [size, saturated] = layout.encode(
-      {sample, one.delta_angle, one.delta_velocity, one.rotation, seconds(sample.time - one.sent), &figures_}, state,
-      one.carried, is_escaped ? std::span(content_) : room);
+  const auto [size, saturated] = layout.encode(one.increments.reading(sample, figures_), state, one.carried,
+                                               is_escaped ? std::span(content_) : room);
   counts_[0] += saturated;
   out.push(is_escaped ? escape_frame(escape_, std::span(content_).first(size), room) : size);
-  clear_increments(one, sample.time);
+  one.increments.begin(sample.time);
 }
 
 void FrameDevice::receive(const Frame& from_host, DeviceTime now, FrameBuffer& replies) noexcept {

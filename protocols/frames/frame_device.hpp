@@ -15,6 +15,7 @@
 #include "protocols/frames/layout/frame_fields.hpp"
 #include "protocols/frames/layout/message_layout.hpp"
 #include "protocols/measurements/collecting_decoder.hpp"
+#include "protocols/measurements/message_increments.hpp"
 #include "protocols/protocol.hpp"
 #include "protocols/wire/frame_search.hpp"
 
@@ -69,9 +70,7 @@ class FrameDevice final : public Device, private FrameHost::Unit {
     bool is_on = true;
     bool is_allowed = true;  // by its settings: a poll sends the message
     bool is_polled = false;  // polled before the first sample
-    DeviceTime sent = {};
-    Vector3 delta_angle = Vector3::Zero(), delta_velocity = Vector3::Zero();
-    Quaternion rotation = Quaternion::Identity();
+    MessageIncrements increments = {};
     std::vector<double> carried = {};
   };
   Reading newest() const noexcept override { return {.sample = newest_, .figures = &figures_}; }
@@ -80,7 +79,6 @@ class FrameDevice final : public Device, private FrameHost::Unit {
   void restart(DeviceTime now) noexcept override;
 
   void start(DeviceTime now) noexcept;
-  void clear_increments(Scheduled& one, DeviceTime now) noexcept;
   void publish() noexcept;
   std::int64_t number_at(const Scheduled& one, DeviceTime now) const noexcept;
   void send(Scheduled& one, const Sample& sample, FrameBuffer& out) noexcept;

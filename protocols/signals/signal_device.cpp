@@ -30,7 +30,7 @@ void SignalDevice::power_on(DeviceTime) noexcept { start_.reset(); }
 
 void SignalDevice::step_clock(Nanoseconds by) noexcept {
   if (start_) start_ = *start_ + by;
-  for (Scheduled& one : scheduled_) one.sent = one.sent + by;
+  for (Scheduled& one : scheduled_) one.increments.sent = one.increments.sent + by;
 }
 
 bool SignalDevice::is_due(Scheduled& one, DeviceTime now, std::uint64_t steps) const noexcept {
@@ -49,24 +49,15 @@ bool SignalDevice::is_due(Scheduled& one, DeviceTime now, std::uint64_t steps) c
 void SignalDevice::sample(const Sample& sample, FrameBuffer& out) noexcept {
   const bool is_first = !start_;
   if (is_first) start_ = sample.time;
-  constexpr double largest_turn = 1e4;  // rad; sine and cosine of larger angles are not defined
   const std::uint64_t steps = sample.counter - counter_;
   counter_ = sample.counter;
   for (Scheduled& one : scheduled_) {
     if (is_first) {
       one.count = 0;
       one.period = 0;
-      one.sent = sample.time;
-      one.delta_angle.setZero();
-      one.delta_velocity.setZero();
-      one.rotation.setIdentity();
+      one.increments.begin(sample.time);
     }
-    if (one.has_increments) {
-      one.delta_angle += sample.delta_angle;
-      one.delta_velocity += sample.delta_velocity;
-      const Vector3 turn = sample.delta_angle.cwiseMax(-largest_turn).cwiseMin(largest_turn);
-      one.rotation = (one.rotation * exp(turn)).normalized();
-    }
+    if (one.has_increments) one.increments.add(sample);
     if (is_first || is_due(one, sample.time, steps)) send(one, sample, out);
   }
 }
@@ -75,15 +66,9 @@ void SignalDevice::send(Scheduled& one, const Sample& sample, FrameBuffer& out) 
   const CanSignalCodec& codec = one.message.codec;
   const std::span<std::byte> room = out.room(codec.size());
   if (room.size() != codec.size()) return;
-  saturated_ += codec.encode(
-      {sample, one.delta_angle, one.delta_velocity, one.rotation, seconds(sample.time - one.sent), &figures_},
-      one.count, room);
+  saturated_ += codec.encode(one.increments.reading(sample, figures_), one.count, room);
   out.push(codec.size(), one.message.can);
-  if (!one.has_increments) return;
-  one.sent = sample.time;
-  one.delta_angle.setZero();
-  one.delta_velocity.setZero();
-  one.rotation.setIdentity();
+  if (one.has_increments) one.increments.begin(sample.time);
 }
 
 std::unique_ptr<FrameSeal> seal_of(std::vector<SignalMessage> messages) {

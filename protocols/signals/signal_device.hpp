@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "protocols/measurements/collecting_decoder.hpp"
+#include "protocols/measurements/message_increments.hpp"
 #include "protocols/protocol.hpp"
 #include "protocols/signals/can_signals.hpp"
 
@@ -42,9 +43,7 @@ class SignalDevice final : public Device {
     bool has_increments = false;
     std::uint64_t count = 0;  // number of the message, which determines alive counter and multiplexors
     std::int64_t period = 0;  // the number of the period in which it was last sent
-    DeviceTime sent = {};
-    Vector3 delta_angle = Vector3::Zero(), delta_velocity = Vector3::Zero();
-    Quaternion rotation = Quaternion::Identity();
+    MessageIncrements increments = {};
   };
   // Returns true if the message is due, and counts it.
   bool is_due(Scheduled& one, DeviceTime now, std::uint64_t steps) const noexcept;
