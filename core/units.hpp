@@ -7,6 +7,7 @@ namespace imud::units {
 inline constexpr double pi = 3.141592653589793;
 inline constexpr double degree = pi / 180.0;         // rad
 inline constexpr double foot = 0.3048;               // m, exact
+inline constexpr double gauss = 1e-4;                // T
 inline constexpr double standard_gravity = 9.80665;  // m/s^2, exact
 inline constexpr double earth_rate = 7.292115e-5;    // rad/s, WGS 84
 

@@ -9,6 +9,7 @@
 #include <array>
 #include <utility>
 
+#include "core/units.hpp"
 #include "protocols/dronecan/bus_time.hpp"
 #include "protocols/dronecan/gnss.hpp"
 #include "protocols/dronecan/services.hpp"
@@ -215,10 +216,9 @@ class DroneCanDevice final : public Device {
       }
       case magnetic_field.id: {
         if (sample.magnetic_field.isZero(0)) break;
-        constexpr double gauss = 1e-4;
         MagneticFieldWire wire{};
         wire.sensor_id = static_cast<std::uint8_t>(node_.memory.active[sensor_id_key]);
-        put_halves(sample.magnetic_field / gauss, wire.field);
+        put_halves(sample.magnetic_field / units::gauss, wire.field);
         broadcast(type, priority, wire, out);
         break;
       }

@@ -53,7 +53,7 @@ inline constexpr Scale force_scale{100, -320, 1, 16};
 inline constexpr Scale fine_force_scale{800, -320, 1, 19};
 inline constexpr Scale angle_scale{32768, -250, units::degree, 24};
 inline constexpr Scale coarse_angle_scale{500, -64, units::degree, 16};
-inline constexpr Scale magnetic_scale{4000, -8, 1e-4, 16};  // gauss
+inline constexpr Scale magnetic_scale{4000, -8, units::gauss, 16};
 inline constexpr Scale position_scale{1e7, -210, units::degree, 32};
 
 // The figure of merit of a number.

@@ -2,6 +2,7 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "core/units.hpp"
 #include "protocols/j1939/j1939.hpp"
 #include "protocols/j1939/transport.hpp"
 
@@ -145,14 +146,13 @@ Configuration configuration_of(const Settings& settings) {
 }
 
 Product product_of(const Settings& settings) {
-  constexpr double gauss = 1e-4;
   configuration_of(settings);
   const Model& model = model_of(settings);
   Product product;
   product.rate_hz = internal_hz;
   product.gyro = TriadErrors::white(model.gyro_noise, internal_hz, model.gyro_max);
   product.accelerometer = TriadErrors::white(model.accelerometer_noise, internal_hz, model.accelerometer_max);
-  product.magnetometer = TriadErrors::white(0, internal_hz, 8 * gauss);
+  product.magnetometer = TriadErrors::white(0, internal_hz, 8 * units::gauss);
   return product;
 }
 

@@ -16,7 +16,6 @@
 namespace imud::mip {
 namespace {
 
-constexpr double gauss = 1e-4;    // T
 constexpr double millibar = 100;  // Pa
 
 // Returns the attitude of the platform whose heading two antennas have measured; without such a heading, the
@@ -252,7 +251,7 @@ void Fields::put_sensor(Packet& packet, std::uint8_t descriptor, const Since& si
       packet.put_floats(sample_.rate);
       break;
     case 0x06:
-      packet.put_floats(sample_.magnetic_field / gauss);
+      packet.put_floats(sample_.magnetic_field / units::gauss);
       break;
     case 0x07:
       packet.put_floats(since.delta_angle);

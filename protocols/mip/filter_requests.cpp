@@ -51,8 +51,7 @@ NavigationAids Configuration::aids(const Model& model) const noexcept {
     aids.estimates_gyro_scale = (estimates->bytes[1] & 4U) != 0;
     aids.estimates_accelerometer_scale = (estimates->bytes[1] & 8U) != 0;
   }
-  constexpr double gauss = 1e-4;
-  aids.field_bias = gauss * row_of(*find_kept(model, three_dm, 0x3A), 0);
+  aids.field_bias = units::gauss * row_of(*find_kept(model, three_dm, 0x3A), 0);
   const Kept& matrix = *find_kept(model, three_dm, 0x3B);
   for (int row = 0; row < 3; ++row)
     aids.field_gain.row(row) = row_of(matrix, 12 * static_cast<std::size_t>(row)).transpose();

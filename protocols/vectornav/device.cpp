@@ -164,8 +164,7 @@ class VectorNavDevice final : public Device {
     const double dt = 1 / model_.internal_hz;
     raw_ = {dcm_ * sample.magnetic_field, dcm_ * sample.specific_force, dcm_ * sample.rate};
     copy(sample, sample_);
-    constexpr double gauss = 1e-4;
-    sample_.magnetic_field = gauss * magnetometer(raw_.magnetic_field / gauss);
+    sample_.magnetic_field = units::gauss * magnetometer(raw_.magnetic_field / units::gauss);
     sample_.specific_force = accelerometer(raw_.specific_force);
     sample_.rate = gyro(raw_.rate);
     if (sample.solution) subtract_biases(*sample.solution);

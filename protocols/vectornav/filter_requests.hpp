@@ -45,13 +45,13 @@ class FilterRequests {
   // Returns the requests to the unit's own filter. `magnetometer`: register 23, in the host's axes, gauss; `dcm`:
   // from the platform's axes to the host's; `scenario`: the first parameter of register 67.
   NavigationRequests requests(const Calibration& magnetometer, const Matrix3& dcm, double scenario) const noexcept {
-    constexpr double gauss = 1e-4, without_pressure = 2;
+    constexpr double without_pressure = 2;
     NavigationRequests all = requests_;
     all.aids.withheld = withheld_;
     if (scenario == without_pressure) all.aids.withheld |= aid::pressure;
     if (magnetometer.gain.matrix() != Matrix3::Identity())
       all.aids.field_gain = dcm.transpose() * magnetometer.gain.matrix() * dcm;
-    all.aids.field_bias = gauss * (dcm.transpose() * magnetometer.bias);
+    all.aids.field_bias = units::gauss * (dcm.transpose() * magnetometer.bias);
     return all;
   }
 

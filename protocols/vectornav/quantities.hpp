@@ -51,10 +51,10 @@ class Quantities {
   // Less the biases that the filter has estimated (VN-100 user manual UM001 2.22, page 42).
   Vector3 acceleration() const noexcept { return s_.specific_force; }  // m/s^2
   Vector3 rate() const noexcept { return s_.rate; }                    // rad/s
-  Vector3 magnetic() const noexcept { return s_.magnetic_field / gauss; }
+  Vector3 magnetic() const noexcept { return s_.magnetic_field / units::gauss; }
   Vector3 raw_acceleration() const noexcept { return r_.raw.specific_force; }
   Vector3 raw_rate() const noexcept { return r_.raw.rate; }
-  Vector3 raw_magnetic() const noexcept { return r_.raw.magnetic_field / gauss; }
+  Vector3 raw_magnetic() const noexcept { return r_.raw.magnetic_field / units::gauss; }
   double temperature_c() const noexcept { return s_.temperature_c; }
   double pressure_kpa() const noexcept { return s_.pressure / 1e3; }
   double dt() const noexcept { return sums_.dt; }  // s
@@ -172,7 +172,7 @@ class Quantities {
     return ins_mode(*s_.solution, s_.fix().is_known);
   }
 
-  static constexpr double gauss = 1e-4, attitude_error_deg = 0.5, position_error = 1;
+  static constexpr double attitude_error_deg = 0.5, position_error = 1;
   static constexpr auto week_ns = static_cast<std::uint64_t>(gps_week_ns);
 
   Vector3 if_fixed(const Vector3& v) const noexcept { return has_fix() ? v : Vector3(Vector3::Zero()); }

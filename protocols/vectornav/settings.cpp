@@ -102,13 +102,12 @@ Configuration configuration_of(const Settings& settings) {
 // barometer's resolution of 0.042 mbar.
 Product product_of(const Settings& settings) {
   configuration_of(settings);
-  constexpr double gauss = 1e-4;
   Product product;
   product.rate_hz = model_of(settings).internal_hz;
   product.gyro = TriadErrors::white(0.0035 * units::degree, product.rate_hz, 2000 * units::degree);
   product.accelerometer =
       TriadErrors::white(0.14e-3 * units::standard_gravity, product.rate_hz, 16 * units::standard_gravity);
-  product.magnetometer = TriadErrors::white(140e-6 * gauss, product.rate_hz, 2.5 * gauss);
+  product.magnetometer = TriadErrors::white(140e-6 * units::gauss, product.rate_hz, 2.5 * units::gauss);
   product.barometer.noise = 4.2;
   return product;
 }
