@@ -116,6 +116,21 @@ TEST_F(ThreadsTest, ADamagedCaptureOfSeveralRuns) {
   EXPECT_LT(beginning.files[0].size(), left.files[0].size() / 4);
 }
 
+// Samples of motion alone go another way between the threads than samples with a filter's solution; here both are of
+// the same instants.
+TEST_F(ThreadsTest, SamplesWithAndWithoutASolution) {
+  std::string text(columns);
+  for (int ms = 0; ms < 3000; ms += 10) text += row(ms);
+  const std::vector<One> imus = {{"native", "rate_hz = 1000\n" + range},
+                                 {"mip", "navigation.solution = \"filter\"\n"},
+                                 {"stim300", ""},
+                                 {"mip", "navigation.solution = \"filter\"\n"}};
+  const Left left = compare("port = \"file:flight.csv\"\nformat = \"csv\"\n", write("flight.csv", text), imus);
+  EXPECT_EQ(left.exit_code, 0) << left.errors;
+  ASSERT_EQ(left.files.size(), imus.size());
+  for (const std::string& file : left.files) EXPECT_GT(file.size(), 10'000U);
+}
+
 // The device of an imu with faults stays with its sensor; the other thread may still decode.
 TEST_F(ThreadsTest, FaultsAreInTheSameFrames) {
   std::string text(columns);
