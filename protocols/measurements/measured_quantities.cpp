@@ -39,6 +39,12 @@ template <int Index>  // 0 yaw, 1 pitch, 2 roll
 double euler(const Reading& reading) noexcept {
   return yaw_pitch_roll_from_dcm(reading.sample.q_LP.conjugate().toRotationMatrix())[Index];
 }
+// Angles of the sensor's axes right, forward, up relative to east, north, up.
+template <int Index>  // 0 yaw, 1 pitch, 2 roll
+double euler_RFU(const Reading& reading) noexcept {
+  const Quaternion& q = reading.sample.q_LP;
+  return yaw_pitch_roll_from_dcm(Quaternion(q.w(), q.y(), q.x(), -q.z()).conjugate().toRotationMatrix())[Index];
+}
 // Returns a component (0 to 3: w, x, y, z) of the unit quaternion q or -q, whichever has w >= 0.
 double component(const Quaternion& q, int index) noexcept {
   const double value = index == 0 ? q.w() : q.vec()[index - 1];
@@ -152,6 +158,9 @@ constexpr MeasuredQuantity quantities[] = {
     {"yaw", "attitude relative to north-east-down, 3-2-1", key_units::angle, euler<0>},
     {"pitch", "", key_units::angle, euler<1>},
     {"roll", "", key_units::angle, euler<2>},
+    {"yaw_RFU", "of right-forward-up relative to east-north-up, 3-2-1", key_units::angle, euler_RFU<0>},
+    {"pitch_RFU", "", key_units::angle, euler_RFU<1>},
+    {"roll_RFU", "", key_units::angle, euler_RFU<2>},
     {"free_acceleration_north", "specific force less gravity", key_units::acceleration, free_acceleration<0>},
     {"free_acceleration_east", "", key_units::acceleration, free_acceleration<1>},
     {"free_acceleration_down", "", key_units::acceleration, free_acceleration<2>},

@@ -291,5 +291,32 @@ TEST(MeasuredQuantities, FollowFromTheSample) {
   }
 }
 
+// Calculated with numpy from the three rotations about north, east and down, and from the matrix that exchanges x and
+// y and negates z. Without yaw and with small angles the roll about right is the pitch, and the pitch the roll.
+TEST(MeasuredQuantities, HaveTheAnglesOfRightForwardUp) {
+  const struct {
+    double yaw, pitch, roll, yaw_RFU, pitch_RFU, roll_RFU;
+  } cases[] = {
+      {100, 20, -30, -111.170229433079, -28.024320673605, 22.795877258858},
+      {-150.25, -20.5, 30.75, 138.480713637347, 28.614498571663, -23.511444659008},
+      {90, 0, 0, -90, 0, 0},
+      {0, 5, 0, 0, 0, 5},
+      {0, 0, 7, 0, 7, 0},
+  };
+  for (const auto& one : cases) {
+    Sample sample;
+    const Matrix3 dcm_PL =
+        dcm_from_yaw_pitch_roll(one.yaw * units::degree, one.pitch * units::degree, one.roll * units::degree);
+    sample.q_LP = Quaternion(Matrix3(dcm_PL.transpose()));
+    const auto in_deg = [&](const char* name) {
+      const auto found = find_measured(name);
+      return found ? found->quantity->get({sample}) / found->factor : std::nan("");
+    };
+    EXPECT_NEAR(in_deg("yaw_RFU_deg"), one.yaw_RFU, 1e-9);
+    EXPECT_NEAR(in_deg("pitch_RFU_deg"), one.pitch_RFU, 1e-9);
+    EXPECT_NEAR(in_deg("roll_RFU_deg"), one.roll_RFU, 1e-9);
+  }
+}
+
 }  // namespace
 }  // namespace imud
