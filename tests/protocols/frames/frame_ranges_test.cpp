@@ -114,6 +114,26 @@ TEST(FrameRanges, AreConfiguredAndPrinted) {
   EXPECT_THROW(protocol_named("frame").check(settings, 99), std::invalid_argument);
 }
 
+// A message that only a host switches on may have a rate above the imu's, at which it is sent with each sample.
+TEST(FrameRanges, ARateOfAHostMayBeHigher) {
+  const std::string text =
+      "frame_version = 1\nname = \"t\"\nline.baud = 9600\nsetting.OUT = [\"samples\", \"rate\"]\n"
+      "setting.HZ = [100, 10]\n[[message]]\nwhen = {OUT = \"samples\"}\nlayout = [\"A1\"]\n"
+      "[[message]]\nwhen = {OUT = \"rate\"}\nrate_hz = \"HZ\"\nlayout = [\"A2\"]\n"
+      "[[request]]\nline = \"rate\"\nset = {OUT = \"rate\"}\n";
+  Settings settings = frame_settings(frames_of_text(text, "test.toml"));
+  const Protocol& protocol = protocol_named("frame");
+  EXPECT_NO_THROW(protocol.check(settings, 50));
+  Line line(protocol, settings);
+  answer_to(line, "rate\n");
+  Sample sample;
+  for (int k = 0; k < 4; ++k, ++sample.counter, sample.time.ns += 20'000'000)
+    EXPECT_EQ(line.encode(sample).size(), 1U) << k;
+  settings.set("settings", std::vector<std::string>{"OUT=rate"});
+  EXPECT_THROW(protocol.check(settings, 50), std::invalid_argument);
+  EXPECT_NO_THROW(protocol.check(settings, 100));
+}
+
 TEST(FrameRanges, BitRates) {
   std::string text =
       "frame_version = 1\nname = \"t\"\nline.baud = \"BAUD\"\nsetting.BAUD = {min = 9600, max = 20000000}\n"
