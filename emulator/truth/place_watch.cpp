@@ -106,14 +106,18 @@ std::size_t PlaceWatch::describe_date(const Truth& truth, std::span<char> room) 
   if (!has_place || !truth.has_date || std::abs(truth.start_gps_ns - earth_.start_gps_ns) <= tolerance_ns) return 0;
   const Date own(truth.start_gps_ns), configured(earth_.start_gps_ns);
   constexpr std::int64_t hour = 3600, minute = 60;
-  return write_remark(
-      room,
-      "its time 0 is {:04}-{:02}-{:02}T{:02}:{:02}:{:02}Z by its own date, and earth.start is "
-      "{:04}-{:02}-{:02}T{:02}:{:02}:{:02}Z, which GPS time and magnetic field follow; give the truth's as "
-      "earth.start",
-      own.year, own.month, own.day, own.second / hour, own.second / minute % minute, own.second % minute,
-      configured.year, configured.month, configured.day, configured.second / hour,
-      configured.second / minute % minute, configured.second % minute);
+  constexpr int first_year_of_start = 2017;  // of the key earth.start
+  const std::string_view remedy =
+      own.year >= first_year_of_start
+          ? "give the truth's as earth.start"
+          : "no earth.start can be the truth's: give times since the first truth, such as time_s, in place of dates";
+  return write_remark(room,
+                      "its time 0 is {:04}-{:02}-{:02}T{:02}:{:02}:{:02}Z by its own date, and earth.start is "
+                      "{:04}-{:02}-{:02}T{:02}:{:02}:{:02}Z, which GPS time and magnetic field follow; {}",
+                      own.year, own.month, own.day, own.second / hour, own.second / minute % minute,
+                      own.second % minute, configured.year, configured.month, configured.day,
+                      configured.second / hour, configured.second / minute % minute, configured.second % minute,
+                      remedy);
 }
 
 }  // namespace imud

@@ -174,6 +174,18 @@ TEST_F(EarthConfigTest, AContradictionThatTheRowsShowIsWarnedOf) {
       contains(both.errors, "is 2027-01-15T09:02:03Z by its own date, and earth.start is 2026-12-31T23:58:59Z"))
       << both.errors;
 
+  // In a local frame a date is not counted from the first row: no earth.start is as early as its time 0.
+  std::string level =
+      "unix_time_s,q_NB_w,q_NB_x,q_NB_y,q_NB_z,p_deg_per_s,q_deg_per_s,r_deg_per_s,specific_force_x_m_per_s2,"
+      "specific_force_y_m_per_s2,specific_force_z_m_per_s2,r_BN_N_x_m,r_BN_N_y_m,r_BN_N_z_m,v_BN_N_x_m_per_s,"
+      "v_BN_N_y_m_per_s,v_BN_N_z_m_per_s\n";
+  for (const char* time : {"1800000000", "1800000000.1", "1800000000.2"})
+    level += std::string(time) + ",1,0,0,0,0,0,0,0,0,-9.81,0,0,0,0,0,0\n";
+  const ProgramResult undated =
+      run(write("level.csv", level), "[earth]\nframe = \"local\"\nlatitude_deg = 47.5\nlongitude_deg = 8.5\n");
+  EXPECT_TRUE(contains(undated.errors, "its time 0 is 1970-01-01T00:00:00Z by its own date")) << undated.errors;
+  EXPECT_TRUE(contains(undated.errors, "give times since the first truth, such as time_s")) << undated.errors;
+
   // Positions relative to some N.
   const auto positions = [&](const std::string& x) {
     std::string text =
