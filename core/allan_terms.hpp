@@ -27,9 +27,9 @@ struct AllanTerms {
 // Returns the B with which the curve of N, B and K has this minimum, u. nullopt if N and K alone have a larger one.
 std::optional<double> bias_instability_of(double minimum, double N, double K);
 
-// Returns the terms of each axis at this sample rate, Hz. The Gauss-Markov process per sample counts in N if it
-// is white noise, and in K if it is a random walk without bound. Otherwise it does not count, nor does
-// exponentially correlated noise.
+// Returns the terms of each axis at this sample rate, Hz. The Gauss-Markov process per sample counts in the N of an
+// axis if it is white noise there, and in the K of an axis if it is a random walk without bound there; for both the
+// axis must not depend on other axes. Otherwise it does not count, nor does exponentially correlated noise.
 std::array<AllanTerms, 3> allan_terms(const TriadErrors& errors, double rate_hz);
 
 }  // namespace imud

@@ -256,6 +256,26 @@ TEST_F(NoiseConfig, TermsContainTheProcessPerSample) {
   EXPECT_EQ(white.rate_hz, 200);
 }
 
+// Each axis is white noise, a walk or neither by its own row of A: (0, 0, 0.999) has white noise on two axes, and the
+// bound of one axis leaves the walks of the others.
+TEST_F(NoiseConfig, TermsOfTheProcessPerSampleAreOfEachAxis) {
+  const ImuModel mixed = model({"gyro.walk_transition=[0,1,0.999]", "gyro.walk_sqrt_cov=[1e-3,2e-3,1e-5]"});
+  const auto terms = allan_terms(mixed.gyro, 200);
+  EXPECT_NEAR(terms[0].N, 1e-3 / std::sqrt(200.0), 1e-15);
+  EXPECT_EQ(terms[0].K, 0);
+  EXPECT_EQ(terms[1].N, 0);
+  EXPECT_NEAR(terms[1].K, 2e-3 * std::sqrt(200.0), 1e-13);
+  EXPECT_EQ(terms[2].N, 0);
+  EXPECT_EQ(terms[2].K, 0);
+  const ImuModel bounded = model({"gyro.walk_bound=[0,1,0]", "gyro.walk_sqrt_cov=[1e-3,1e-3,1e-3]"});
+  EXPECT_NEAR(allan_terms(bounded.gyro, 200)[0].K, 1e-3 * std::sqrt(200.0), 1e-13);
+  EXPECT_EQ(allan_terms(bounded.gyro, 200)[1].K, 0);
+  const ImuModel coupled =
+      model({"gyro.walk_transition=[[0,0.5,0],[0,0,0],[0,0,0]]", "gyro.walk_sqrt_cov=[1e-3,1e-3,1e-3]"});
+  EXPECT_EQ(allan_terms(coupled.gyro, 200)[0].N, 0);
+  EXPECT_NEAR(allan_terms(coupled.gyro, 200)[1].N, 1e-3 / std::sqrt(200.0), 1e-15);
+}
+
 // Standard deviations in the units of their keys, and what a reader of the file stumbles on.
 TEST_F(NoiseConfig, StandardDeviationsAreOfTwoLayers) {
   const ImuModel m = model({"gyro.unit_sigma.bias_deg_per_hr=[1,2,3]", "gyro.unit_sigma.misalignment_mrad=[1,2,3]",
