@@ -236,7 +236,11 @@ FrameCondition FrameSettings::condition(std::string_view text) const {
   }
   for (std::size_t i = 0; i < one.values.size(); ++i)
     if (((codes_[condition.setting][i] & mask) == 0) == is_inverse) condition.values.push_back(i);
-  if (one.is_range ? static_cast<std::uint64_t>(one.highest) < mask
+  // The least value from `lowest` on that has the bit.
+  const auto with_bit = [mask](std::uint64_t lowest) {
+    return (lowest & mask) != 0 ? lowest : (lowest & ~(mask - 1)) | mask;
+  };
+  if (one.is_range ? static_cast<std::uint64_t>(one.highest) < with_bit(static_cast<std::uint64_t>(one.lowest))
                    : std::ranges::none_of(codes_[condition.setting], [=](auto code) { return (code & mask) != 0; }))
     refuse_setting("no value of " + one.name + " has bit " + std::to_string(*bit));
   return condition;

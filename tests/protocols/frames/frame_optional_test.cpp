@@ -273,6 +273,22 @@ TEST(FrameOptional, TestFramesHaveTheSettingsWithWhichTheyWereSent) {
                "test_settings: no element is optional"));
 }
 
+// A bit is in a range if the range has a value with this bit: 4 alone has bit 2, and 5 to 7 have bits 0, 1 and 2.
+TEST(FrameOptional, ABitMustBeOfAValueInTheRange) {
+  const auto faults = [](int lowest, int highest, int bit) {
+    return faults_of("frame_version = 1\nname = \"t\"\nsetting.S = {min = " + std::to_string(lowest) +
+                     ", max = " + std::to_string(highest) + ", delivered = " + std::to_string(lowest) +
+                     "}\n[[message]]\nname = \"m\"\nlayout = [\"@a\", \"A1\", \"S." + std::to_string(bit) +
+                     "? 00\", \"check:sum8:@a..\"]\n");
+  };
+  constexpr std::tuple<int, int, unsigned> ranges[] = {{4, 4, 4}, {5, 7, 7}, {6, 9, 15}, {8, 9, 9}, {7, 8, 15}};
+  for (const auto& [lowest, highest, bits] : ranges)
+    for (int bit = 0; bit < 5; ++bit)
+      EXPECT_EQ(!contains(faults(lowest, highest, bit), "no value of S has bit " + std::to_string(bit)),
+                (bits >> bit & 1U) != 0)
+          << lowest << " to " << highest << ", bit " << bit << ": " << faults(lowest, highest, bit);
+}
+
 TEST(FrameOptional, WhatCannotBeDecodedIsRefused) {
   const std::pair<const char*, const char*> cases[] = {
       {R"("A1", "MASK.0? rate_x_rad_per_s:f32")", "a decoder cannot see whether the optional elements are there"},
