@@ -229,6 +229,8 @@ FrameBytes::FrameBytes(const FrameDescription& description, std::span<const Fram
     }
   if (!items.empty() && !parser.uses_items())
     faults.push_back({elements.front().line, place + ": items", "give the element {items}, where they are"});
+  if (layout_ && layout_->size() == 0 && role == Role::item)
+    faults.push_back({elements.front().line, place, "an item has at least one byte"});
   const std::size_t most =
       role == Role::answer ? FrameHostDescription::longest_answer : FrameHostDescription::longest_request - 1;
   if (layout_ && layout_->size() > most)

@@ -192,6 +192,8 @@ TEST(FrameVariableRequestRefusals, Faults) {
       {request("layout = [\"7D\"]\nitems = [[\"01\"]]"), "give the element {items}"},
       {request("layout = [\"@a\", \"7D\", \"length:u8:@a..@\", \"{items}\"]\nitems = [[\"01\", \"_:*\"]]"),
        "an item has a fixed number of bytes"},
+      {request("layout = [\"@a\", \"7D\", \"length:u8:@a..@\", \"{items}\"]\nitems = [[\"@x\"], [\"01\"]]"),
+       "items: an item has at least one byte"},
       {request("layout = [\"@a\", \"7D\", \"length:u8:@a..@\", \"{items}\"]\nitems = [[\"01\", \"{P3}:u8\"]]"),
        "items: \"{P3}:u8\": there is no setting \"P3\""},
       {request("layout = [\"@a\", \"7D\", \"length:u8:@a..@\", \"{items}\"]\nitems = [[\"01\", \"{P1}:u16\"]]"),
