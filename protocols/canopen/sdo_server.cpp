@@ -136,7 +136,8 @@ void SdoServer::begin_download(Request request, DeviceTime now, FrameBuffer& out
     std::size_t size = 4 - (first >> 2 & 3U);
     if (!has_size) {
       const std::size_t position = find_object(index_, sub_);
-      size = position < object_count ? std::min<std::size_t>(4, size_of(objects[position].type)) : 4;
+      const std::size_t of_type = position < object_count ? size_of(objects[position].type) : 0;
+      size = of_type != 0 ? std::min<std::size_t>(4, of_type) : 4;  // a text has all bytes of the request
     }
     store(request.subspan(4, size), header(0x60), now, out);
     return;

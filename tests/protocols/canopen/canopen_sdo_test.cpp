@@ -23,6 +23,8 @@ TEST_F(CanopenSdo, KnownExpeditedTransfers) {
   EXPECT_EQ(unit.read(0x1017), 4000U);
   EXPECT_EQ(unit.send("602#22171000E8030000"), "582#6017100000000000") << "without a size";
   EXPECT_EQ(unit.read(0x1017), 1000U);
+  EXPECT_EQ(unit.send("602#2200200041424344"), "582#6000200000000000") << "a text without a size";
+  EXPECT_EQ(unit.send("602#4000200000000000"), "582#4300200041424344");
 }
 
 TEST_F(CanopenSdo, KnownSegmentedTransfers) {
