@@ -118,7 +118,7 @@ class SerialPort final : public Port {
   }
 
  private:
-  // Applies a change of the line when the last byte has left. Returns false until then.
+  // Applies a change of the line when the last byte has left. Returns false until then, and if the device is lost.
   bool apply_line() noexcept {
     if (!wanted_) return true;
     if (!line_) return false;
@@ -130,8 +130,9 @@ class SerialPort final : public Port {
     if (wanted_->stop_bits == 2) configured_.c_cflag |= CSTOPB;
     baud_ = wanted_->baud;
     wanted_.reset();
-    if (!set_speed(line_.get())) lose();
-    return true;
+    if (set_speed(line_.get())) return true;
+    lose();
+    return false;
   }
 
   bool set_speed(int fd) const noexcept {
