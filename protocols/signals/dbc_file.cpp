@@ -304,12 +304,14 @@ class DbcParser {
   void use_long_names() {
     for (DbcMessage& message : messages_) {
       if (!message.short_name.empty()) std::swap(message.name, message.short_name);
+      // The long name of a signal may be the short name of another one: all multiplexors come before all names.
       for (DbcSignal& signal : message.signals) {
-        if (signal.short_name.empty()) continue;
-        std::swap(signal.name, signal.short_name);
-        for (DbcSignal& other : message.signals)
-          if (other.multiplexor == signal.short_name) other.multiplexor = signal.name;
+        const auto multiplexor = std::ranges::find(message.signals, signal.multiplexor, &DbcSignal::name);
+        if (multiplexor != message.signals.end() && !multiplexor->short_name.empty())
+          signal.multiplexor = multiplexor->short_name;
       }
+      for (DbcSignal& signal : message.signals)
+        if (!signal.short_name.empty()) std::swap(signal.name, signal.short_name);
     }
   }
 

@@ -236,6 +236,23 @@ TEST_F(DbcUnit, LongNamesAreThoseOfTheSymbols) {
             "Message_of_32_characters_0123456789.Other");
 }
 
+// Two multiplexors that have each other's name as the long one.
+TEST(DbcFileTest, AMultiplexorHasItsLongNameOnce) {
+  const auto messages = parse_dbc(
+      "BO_ 1 A: 8 X\n SG_ P M : 0|8@1+ (1,0) [0|0] \"\" X\n SG_ Q m1M : 8|8@1+ (1,0) [0|0] \"\" X\n"
+      " SG_ R m2 : 16|8@1+ (1,0) [0|0] \"\" X\n SG_ S m3 : 24|8@1+ (1,0) [0|0] \"\" X\n"
+      "BA_ \"SystemSignalLongSymbol\" SG_ 1 P \"Q\";\nBA_ \"SystemSignalLongSymbol\" SG_ 1 Q \"P\";\n"
+      "SG_MUL_VAL_ 1 Q P 1-1;\nSG_MUL_VAL_ 1 R P 2-2;\nSG_MUL_VAL_ 1 S Q 3-3;\n");
+  ASSERT_EQ(messages.size(), 1U);
+  ASSERT_EQ(messages[0].signals.size(), 4U);
+  const auto& signals = messages[0].signals;
+  EXPECT_EQ(signals[0].name, "Q");
+  EXPECT_EQ(signals[1].name, "P");
+  EXPECT_EQ(signals[1].multiplexor, "Q");
+  EXPECT_EQ(signals[2].multiplexor, "Q");
+  EXPECT_EQ(signals[3].multiplexor, "P");
+}
+
 // opendbc's vw_pq.dbc: "SG_ MO2_Mp_Code m : 6|2@1+".
 TEST(DbcFileTest, ALoneMarkOfAMultiplexedSignalIsNoPage) {
   const auto messages = parse_dbc(
