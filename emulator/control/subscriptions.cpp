@@ -125,6 +125,13 @@ Subscriptions::What Subscriptions::what_of(const std::string& word) {
   return static_cast<What>(std::ranges::find(kinds, word) - kinds.begin());
 }
 
+bool Subscriptions::concerns(const Subscription& subscription, const std::shared_ptr<Subscriber>& client,
+                             std::optional<What> what, std::uint16_t imu) {
+  const bool is_of_imu = imu == Command::all_imus || subscription.imu == imu || subscription.what == What::counters ||
+                         subscription.what == What::events;
+  return subscription.client.lock() == client && (!what || subscription.what == *what) && is_of_imu;
+}
+
 Json Subscriptions::subscribe(const Json& request_params, const std::shared_ptr<Subscriber>& client) {
   RpcParams params(request_params);
   const std::string word = params.choice("what", kinds);
@@ -142,13 +149,17 @@ Json Subscriptions::subscribe(const Json& request_params, const std::shared_ptr<
   params.finish();
   if (client == nullptr)
     throw RpcError(RpcError::refused, "this connection takes no notifications; use the socket or a WebSocket");
+  const bool is_of_imus = what == What::samples || what == What::truth;
+  const std::size_t wanted = is_of_imus && imu == Command::all_imus ? config_.imus.size() : 1;
+  const auto replaced = static_cast<std::size_t>(
+      std::ranges::count_if(all_, [&](const Subscription& s) { return concerns(s, client, what, imu); }));
+  if (all_.size() - replaced + wanted > most) throw RpcError(RpcError::busy, "there are too many subscriptions");
   unsubscribe({{"what", word}, {"imu", imu < config_.imus.size() ? config_.imus[imu].name : "*"}}, client);
   Json subscribed = Json::array();
   const auto add = [&](std::uint16_t of_imu, std::uint32_t decimate) {
-    if (all_.size() >= most) throw RpcError(RpcError::busy, "there are too many subscriptions");
     all_.push_back({client, what, of_imu, decimate});
     Json one = {{"what", word}};
-    if (what == What::samples || what == What::truth) {
+    if (is_of_imus) {
       one["imu"] = config_.imus[of_imu].name;
       one["decimate"] = decimate;
     }
@@ -158,7 +169,7 @@ Json Subscriptions::subscribe(const Json& request_params, const std::shared_ptr<
     last_ = monitor_.now();
     counted_ = host_now();
   }
-  if (what == What::counters || what == What::events) {
+  if (!is_of_imus) {
     add(0, 1);
   } else {
     for (std::uint16_t i = 0; i < config_.imus.size(); ++i) {
@@ -173,15 +184,12 @@ Json Subscriptions::subscribe(const Json& request_params, const std::shared_ptr<
 
 Json Subscriptions::unsubscribe(const Json& request_params, const std::shared_ptr<Subscriber>& client) {
   RpcParams params(request_params);
-  const bool all_kinds = !params.has("what");
-  const What what = all_kinds ? What::samples : what_of(params.choice("what", kinds));
+  std::optional<What> what;
+  if (params.has("what")) what = what_of(params.choice("what", kinds));
   const std::uint16_t imu = params.imu(config_);
   params.finish();
-  const std::size_t removed = std::erase_if(all_, [&](const Subscription& s) {
-    const bool is_of_imu =
-        imu == Command::all_imus || s.imu == imu || s.what == What::counters || s.what == What::events;
-    return s.client.lock() == client && (all_kinds || s.what == what) && is_of_imu;
-  });
+  const std::size_t removed =
+      std::erase_if(all_, [&](const Subscription& s) { return concerns(s, client, what, imu); });
   watch();
   return {{"removed", removed}};
 }

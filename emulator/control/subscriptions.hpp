@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -55,6 +56,9 @@ class Subscriptions {
     std::uint32_t every = 1;  // of samples and truth: one of so many samples is sent
   };
   static What what_of(const std::string& word);
+  // Returns whether it is a subscription of this client to `what` (none: to anything) of this imu, or of all.
+  static bool concerns(const Subscription& subscription, const std::shared_ptr<Subscriber>& client,
+                       std::optional<What> what, std::uint16_t imu);
   void watch();
   std::string text_of(What what, std::uint16_t imu, std::uint32_t every,
                       const std::vector<FeedSample>& samples) const;

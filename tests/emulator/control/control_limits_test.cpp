@@ -61,6 +61,25 @@ class ControlLimits : public ControlledRun {
   std::string options_;
 };
 
+// With 240 imus four subscriptions to all of them leave room for 40 of 1000.
+TEST_F(ControlLimits, ARefusedSubscriptionLeavesNothing) {
+  std::string imus;
+  for (int i = 1; i < 240; ++i)
+    imus +=
+        "[[imu]]\nrate_hz = 1\nprotocol = \"native\"\nport = \"udp:127.0.0.1:9\"\nbefore_first = \"rest\"\n"
+        "gyro.max_rad_per_s = 100\naccelerometer.max_m_per_s2 = 1000\n";
+  Program imud("imud");
+  start(imud, running({}, imus));
+  ControlClient first(path("socket")), second(path("socket")), third(path("socket"));
+  for (ControlClient* client : {&first, &second})
+    for (const char* what : {"samples", "truth"})
+      ASSERT_EQ(client->call("subscribe", {{"what", what}})["result"]["subscribed"].size(), 240U);
+  EXPECT_EQ(third.call("subscribe", {{"what", "samples"}})["error"]["message"], "there are too many subscriptions");
+  EXPECT_EQ(third.call("unsubscribe")["result"]["removed"], 0);
+  EXPECT_EQ(first.call("subscribe", {{"what", "samples"}})["result"]["subscribed"].size(), 240U) << "in its place";
+  EXPECT_EQ(imud.stop(), 0);
+}
+
 TEST_F(ControlLimits, AHundredClientsThatReadNothing) {
   Program imud("imud");
   start(imud, running());
