@@ -55,7 +55,10 @@ class SharedItems {
   std::optional<std::size_t> take(std::size_t worker) noexcept {
     std::size_t item = next();
     do {
-      if (item >= items_) return std::nullopt;
+      if (item >= items_) {
+        open(worker) = none;  // another worker has taken the last one
+        return std::nullopt;
+      }
       open(worker) = item;
     } while (!next().compare_exchange_weak(item, item + 1));
     return item;
