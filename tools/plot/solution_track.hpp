@@ -50,7 +50,7 @@ SolutionTrack compare_solutions(std::span<const SolutionRow> rows, std::span<con
 std::string track_csv(const SolutionTrack& track);
 // Returns gnuplot's commands that draw these data, in the file at `path`, to the file `picture`: a row for each
 // channel with known errors, with the truth over the value and the error over the band of its standard deviation;
-// below, the squares of the errors in units of the variance, and the age of the last fix that was used.
+// below, the squares of the errors in units of the variance, and the use of each aid.
 std::string track_plot_commands(const SolutionTrack& track, const std::string& path, const std::string& picture);
 
 }  // namespace imud
