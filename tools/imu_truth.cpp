@@ -183,6 +183,7 @@ int write_capture_csv(const CLI::App& app, const Options& options, bool& running
   TextOutput csv(options.csv_path);
   running = true;
   std::optional<Truth> first;
+  unsigned parts = 0, left_out = 0, lacking = 0;
   std::uint64_t rows = 0, without = 0;
   ProgressLine progress(!csv.is_terminal());
   while (csv.is_open()) {
@@ -190,16 +191,20 @@ int write_capture_csv(const CLI::App& app, const Options& options, bool& running
     if (!truth) break;
     if (!first) {
       first = truth;
-      csv.write(truth_csv_header(parts_of(*first)));
+      parts = writable_parts_of(*first);
+      csv.write(truth_csv_header(parts));
     }
+    left_out |= parts_of(*truth) & ~parts;
     if (const bool fits =
-            (parts_of(*first) & ~parts_of(*truth)) == 0 &&
-            (first->accumulated_dv == AccumulatedDv::none || truth->accumulated_dv == first->accumulated_dv);
+            (parts & ~parts_of(*truth)) == 0 &&
+            (first->accumulated_dv == AccumulatedDv::none || truth->accumulated_dv == first->accumulated_dv) &&
+            ((parts & TruthParts::date) == 0 || truth->start_gps_ns == first->start_gps_ns);
         !fits) {
       ++without;
+      lacking |= parts & ~parts_of(*truth);
       continue;
     }
-    csv.write(truth_csv_row(*truth, parts_of(*first)));
+    csv.write(truth_csv_row(*truth, parts));
     ++rows;
     if (progress.is_due()) progress.show(truths.progress(), options.capture);
   }
@@ -207,10 +212,14 @@ int write_capture_csv(const CLI::App& app, const Options& options, bool& running
   finish_csv(csv, options, rows);
   if (first && first->accumulated_dv == AccumulatedDv::body_sum)
     print_line("note", "replay it with truth.accumulated_dv = \"body_sum\"");
+  if (left_out != 0)
+    print_line("warning", fmt::format("the CSV lacks parts of the truths: {}", names_of_parts(left_out)));
   if (!truths.note().empty()) print_line("note", truths.note());
   if (const auto others = truths.of_other_vehicles(); others > 0)
     print_line("left out", fmt::format("{} truths of other vehicles; --stream chooses one", others));
-  if (without > 0) print_line("left out", fmt::format("{} truths that lack columns of the first one", without));
+  if (without > 0)
+    print_line("left out", fmt::format("{} truths that lack columns of the first one{}{}", without,
+                                       lacking != 0 ? ": " : "", names_of_parts(lacking)));
   if (!truths.refused().empty()) print_line("refused", truths.refused());
   if (!truths.damage().empty()) print_line("capture", truths.damage());
   if (rows == 0) throw std::runtime_error(fmt::format("{}: no {} truth in it", options.capture, options.format));

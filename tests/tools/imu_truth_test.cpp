@@ -440,6 +440,75 @@ TEST(ImuTruth, WritesTheTruthsOfACaptureAsCsv) {
   EXPECT_TRUE(contains(none.errors, "no jsbsim truth in it")) << none.errors;
 }
 
+// The truth of a vehicle on the Earth with all that a truth can have: the CSV has it, too, by the names of
+// quantities.
+TEST(ImuTruth, WritesEachPartOfATruthAsCsv) {
+  const ScratchFolder folder;
+  const std::string head =
+      "gps_week,gps_time_of_week_ms,q_EB_w,q_EB_x,q_EB_y,q_EB_z,p_rad_per_s,q_rad_per_s,r_rad_per_s,latitude_deg,"
+      "longitude_deg,height_m,v_BE_E_x_m_per_s,v_BE_E_y_m_per_s,v_BE_E_z_m_per_s,specific_force_x_m_per_s2,"
+      "specific_force_y_m_per_s2,specific_force_z_m_per_s2,p_dot_rad_per_s2,q_dot_rad_per_s2,r_dot_rad_per_s2,"
+      "temperature_k,magnetic_field_x_ut,magnetic_field_y_ut,magnetic_field_z_ut,pressure_hpa,rotor_speed_rpm,"
+      "throttle,"
+      "airspeed_kn,dynamic_pressure_hpa,current_a\n";
+  std::string log = head;
+  for (int i = 0; i < 3; ++i)
+    log += fmt::format(
+        "2303,{},0.6,0.8,0,0,0.1,0.2,0.3,47.5,8.5,{},1,2,3,4,5,6,7,8,9,290,20,{},40,950,3000,0.5,90,12,"
+        "{}\n",
+        388'818'000 + 10 * i, 500 + i, 30 + i, 10 * i);
+  capture::write_file(folder / "log.csv", log);
+  const auto run = run_program("imu-truth", {"capture", folder / "log.csv", "--format", "csv", "--csv", "-"});
+  ASSERT_EQ(run.exit_code, 0) << run.errors;
+  EXPECT_FALSE(contains(run.errors, "warning")) << run.errors;
+  EXPECT_TRUE(run.output.starts_with("gps_week,gps_time_of_week_ns,r_BN_N_x_m,")) << run.output;
+  const auto is = truths_in(lines_of(run.output), "csv"), wanted = truths_in(lines_of(log), "csv");
+  ASSERT_EQ(is.size(), 3U);
+  ASSERT_EQ(wanted.size(), 3U);
+  for (std::size_t i = 0; i < 3; ++i) {
+    EXPECT_EQ(is[i].time, wanted[i].time);
+    EXPECT_EQ(is[i].time.ns, 10'000'000 * static_cast<std::int64_t>(i));
+    EXPECT_TRUE(is[i].has_date);
+    EXPECT_EQ(is[i].start_gps_ns, wanted[i].start_gps_ns);
+    EXPECT_TRUE(is[i].has_earth_angle);
+    EXPECT_EQ(is[i].earth_angle, 0);
+    EXPECT_EQ(is[i].r_BN_N, wanted[i].r_BN_N);
+    EXPECT_EQ(is[i].v_BN_N, wanted[i].v_BN_N);
+    EXPECT_LT(is[i].q_NB.angularDistance(wanted[i].q_NB), 1e-7);
+    EXPECT_EQ(is[i].omega_BN_B, wanted[i].omega_BN_B);
+    EXPECT_EQ(is[i].omegaDot_BN_B, wanted[i].omegaDot_BN_B);
+    EXPECT_EQ(is[i].specific_force_B, wanted[i].specific_force_B);
+    EXPECT_EQ(is[i].temperature_c, wanted[i].temperature_c);
+    EXPECT_EQ(is[i].magnetic_field_B, wanted[i].magnetic_field_B);
+    EXPECT_EQ(is[i].magnetic_field_B.y(), (30 + static_cast<double>(i)) * 1e-6);
+    EXPECT_EQ(is[i].pressure, wanted[i].pressure);
+    for (std::size_t s = 0; s < vehicle_state_count; ++s) {
+      const auto state = static_cast<VehicleState>(s);
+      ASSERT_TRUE(is[i].vehicle[state].has_value()) << s;
+      EXPECT_EQ(is[i].vehicle[state], wanted[i].vehicle[state]) << s;
+    }
+  }
+  const auto again = run_program("imu-truth", {"capture", "file:-", "--format", "csv", "--csv", "-"}, run.output);
+  EXPECT_EQ(again.exit_code, 0) << again.errors;
+  EXPECT_EQ(lines_of(again.output).size(), 4U);
+}
+
+// A position without a velocity is a part of its own; parts that later truths have in addition are named.
+TEST(ImuTruth, NamesThePartsThatTheCsvLacks) {
+  const ScratchFolder folder;
+  const std::string attitude = "time_s,q_NB_w,q_NB_x,q_NB_y,q_NB_z,p_rad_per_s,q_rad_per_s,r_rad_per_s";
+  capture::write_file(folder / "log.csv",
+                      attitude + ",r_BN_N_x_m,r_BN_N_y_m,r_BN_N_z_m\n0,1,0,0,0,0,0,0,1,2,3\n" + attitude +
+                          ",r_BN_N_x_m,r_BN_N_y_m,r_BN_N_z_m,pressure_pa,throttle\n1,1,0,0,0,0,0,0,4,5,6,7,0.5\n");
+  const auto run = run_program("imu-truth", {"capture", folder / "log.csv", "--format", "csv", "--csv", "-"});
+  EXPECT_EQ(run.exit_code, 0) << run.errors;
+  EXPECT_EQ(
+      run.output,
+      "time_ns,r_BN_N_x,r_BN_N_y,r_BN_N_z,sigma_BN_1,sigma_BN_2,sigma_BN_3,omega_BN_B_x,omega_BN_B_y,omega_BN_B_z\n"
+      "0,1,2,3,0,0,0,0,0,0\n1000000000,4,5,6,0,0,0,0,0,0\n");
+  EXPECT_TRUE(contains(run.errors, "the CSV lacks parts of the truths: pressure, throttle\n")) << run.errors;
+}
+
 TEST(ImuTruth, ASignalEndsIt) {
   for (const int signal : {SIGINT, SIGTERM}) {
     LoopbackSocket receiver;

@@ -12,16 +12,29 @@ struct TruthParts {
   enum : unsigned {
     none = 0,
     position = 1,
-    angular_acceleration = 2,
-    specific_force = 4,
-    accumulated_dv = 8,
-    motion = 15,  // all of the above
-    temperature = 16
+    velocity = 2,
+    angular_acceleration = 4,
+    specific_force = 8,
+    accumulated_dv = 16,
+    motion = 31,  // all of the above
+    temperature = 32,
+    earth_angle = 64,
+    magnetic_field = 128,
+    pressure = 256,
+    date = 512,
+    stamp = 1024,  // is never written
+    states = 2048  // the first of VehicleState; the others follow
   };
 };
 unsigned parts_of(const Truth& truth);
+// Returns the parts of a first truth for which there are columns. The reader counts a date from the first row: it is
+// written if the first truth has the time 0.
+unsigned writable_parts_of(const Truth& first);
+// Returns the names of these parts in words, separated by commas.
+std::string names_of_parts(unsigned parts);
 
-// Returns the header row, with its LF.
+// Returns the header row, with its LF. They are Basilisk's names; with parts that have none there, all are quantities
+// of truth. With a date the time is GPS time, which its reader counts from the first row.
 std::string truth_csv_header(unsigned parts = TruthParts::motion);
 
 // Returns a row with these parts, with its LF. Requires that `truth` has these parts. Each double has the shortest
