@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/numbers/nearest.hpp"
 #include "emulator/config/config_parts.hpp"
 #include "emulator/ground/text_file.hpp"
 #include "protocols/frames/frame_device.hpp"
@@ -72,6 +73,21 @@ std::string_view take_confidence(std::string_view& comment, std::string_view unm
          : words.starts_with("assumed")        ? "assumed"
                                                : "memory";
 }
+// Adds a fault for every key of a model's file that is not in its table `imu`.
+void refuse_outside_imu(const toml::table& file, Faults& faults) {
+  static const std::vector<std::string> tables = {"gyro", "accelerometer", "inclinometer", "magnetometer",
+                                                  "barometer"};
+  for (const auto& [key, value] : file) {
+    const std::string_view name = key.str();
+    if (name == "imu" && value.is_table()) continue;
+    const std::string meant = nearest(name, tables);
+    const std::string hint = name.starts_with("imu")              ? "a model has one table [imu]"
+                             : value.is_table() && !meant.empty() ? fmt::format("did you mean [imu.{}]?", meant)
+                                                                  : "the keys of a model are in [imu]";
+    faults.add(key.source().begin.line, name, "unknown key; " + hint);
+  }
+}
+
 // Returns the given words and the names of all presets, for suggestions.
 std::vector<std::string> preset_words(std::vector<std::string> words) {
   for (const Preset& known : presets()) words.emplace_back(known.name);
@@ -144,6 +160,7 @@ PresetErrors preset_errors(const Preset& preset, double rate_hz) {
     faults.add(error.source().begin.line, "TOML", error.description());
     throw ConfigError(faults.all());
   }
+  refuse_outside_imu(file, faults);
   toml::table resolved;
   TableReader imu(file["imu"].as_table(), "imu.", 0, faults, resolved);
   PresetErrors errors;
