@@ -85,6 +85,38 @@ TEST_F(ImuAllanModel, AnErrorOfTwentyPercentIsFound) {
           << name << term << result.output;
 }
 
+// A VN-100 sends one in so many samples of values behind its filter: by the curve its N is that of the model, though
+// the fit of 40 samples a second has another. A unit with 20 % more noise differs all the same.
+TEST_F(ImuAllanModel, AProductAgreesWithItsOwnModelBehindFilterAndDecimation) {
+  const auto compared = [&](const std::vector<std::string>& keys) {
+    const std::string port = recording(keys, "product", 0, 30, "vectornav");
+    return run_program("imu-allan", {"vectornav", port, "--rate-hz", "40", "--against", "vn-100"});
+  };
+  const auto same = compared({});
+  EXPECT_EQ(same.exit_code, 0) << same.output << same.errors;
+  EXPECT_TRUE(contains(same.output, "against    vn-100, within 10 % at 99.9 % confidence: agrees\n"));
+  EXPECT_TRUE(contains(same.output, " for 0.21 deg/sqrt(h): agrees, by the curve of its samples\n")) << same.output;
+  const auto other = compared({"gyro.noise_density_deg_per_s_per_rt_hz = 0.0042"});
+  EXPECT_EQ(other.exit_code, 3);
+  EXPECT_TRUE(contains(other.output, " for 0.21 deg/sqrt(h): DIFFERS\n")) << other.output;
+}
+
+// Digits of 0.02 deg/s on white noise of 0.012 deg/s: N is larger by them.
+TEST_F(ImuAllanModel, ASensorAgreesWithItsOwnModelInItsDigits) {
+  const auto write = [&](const std::string& name, const std::string& walk) {
+    std::ofstream(folder_ / name) << "[imu.gyro]\nmax_rad_per_s = 10\nangle_random_walk_deg_per_rt_hr = " << walk
+                                  << "\nlsb_deg_per_s = 0.02\nrounding = \"nearest\"\n[imu.accelerometer]\n"
+                                     "max_g = 10\nvelocity_random_walk_m_per_s_per_rt_s = 1e-3\n";
+    return folder_ / name;
+  };
+  const std::string own = write("own.toml", "0.1"), other = write("other.toml", "0.13");
+  const std::string port = recording({"model = \"" + own + "\""}, "digits", 50);
+  const auto same = run_program("imu-allan", {"native", port, "--against", own});
+  EXPECT_EQ(same.exit_code, 0) << same.output;
+  EXPECT_TRUE(contains(same.output, " for 0.1 deg/sqrt(h): agrees, by the curve of its samples\n")) << same.output;
+  EXPECT_EQ(run_program("imu-allan", {"native", port, "--against", other}).exit_code, 3);
+}
+
 TEST_F(ImuAllanModel, ThePlotHasTheCurveOfTheModel) {
   const std::string port = recording({"model = \"vn-100\""});
   const auto result =
@@ -258,6 +290,13 @@ TEST(AllanComparison, EachRule) {
   EXPECT_EQ(words({.N = 1}, 0.5)[1], Word::differs);
   EXPECT_EQ(words({.N = 1, .K = 0.1}, 0.1)[1], Word::agrees);
 
+  // Where the curves agree, N does not differ; B does.
+  const auto by_curve = compare(curve, fit, {.N = 0.5, .B = 2}, 0.1, true);
+  EXPECT_EQ(by_curve[1].word, Word::agrees);
+  EXPECT_TRUE(by_curve[1].is_by_curve);
+  EXPECT_EQ(by_curve[2].word, Word::differs);
+  EXPECT_FALSE(compare(curve, fit, {.N = 1, .B = 0.5}, 0.1, true)[1].is_by_curve);
+
   EXPECT_TRUE(agrees(compare(curve, fit, {.N = 1, .B = 0.5}, 0.1)));
   EXPECT_TRUE(agrees(compare(curve, fit, {.N = 1, .B = 0.5, .K = 0.01}, 0.1)));
   EXPECT_FALSE(agrees(compare(curve, fit, {.N = 2, .B = 0.5}, 0.1)));
@@ -266,6 +305,23 @@ TEST(AllanComparison, EachRule) {
   fit.terms[3].least_seen = 1;
   EXPECT_FALSE(agrees(compare(curve, fit, {.K = 0.1}, 0.1)));
   EXPECT_TRUE(agrees(compare(curve, AllanFit{}, {}, 0.1)));
+}
+
+// With 200 degrees of freedom, at 1 - 1e-3/3 for each, a deviation is within about 15 % below and 21 % above.
+TEST(AllanComparison, CurvesAgreeWithinTheirConfidence) {
+  AllanCurve curve;
+  for (const std::size_t factor : {1U, 2U, 4U})
+    curve.points.push_back({factor, static_cast<double>(factor), 1, 0, 200, {}});
+  const auto agrees_with = [&](double last, double tolerance) {
+    return has_deviations_of(curve, std::array{1.0, 1.0, last}, tolerance);
+  };
+  EXPECT_TRUE(agrees_with(1, 0));
+  EXPECT_TRUE(agrees_with(1.17, 0));
+  EXPECT_TRUE(agrees_with(0.87, 0));
+  EXPECT_FALSE(agrees_with(1.25, 0));
+  EXPECT_FALSE(agrees_with(0.8, 0));
+  EXPECT_TRUE(agrees_with(1.25, 0.1));
+  EXPECT_FALSE(agrees_with(1.4, 0.1));
 }
 
 }  // namespace

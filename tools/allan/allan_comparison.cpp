@@ -27,7 +27,8 @@ std::string_view name_of(Verdict word) noexcept {
 }
 
 std::array<TermVerdict, allan_term_count> compare(const AllanCurve& curve, const AllanFit& fit,
-                                                  const AllanTerms& model, double tolerance) {
+                                                  const AllanTerms& model, double tolerance,
+                                                  bool has_curve_of_model) {
   const double errors = boost::math::quantile(boost::math::normal(), 1 - false_difference / 2);
   // A term of the least detectable size is detected half of the time; a term of twice this size practically
   // always.
@@ -46,13 +47,25 @@ std::array<TermVerdict, allan_term_count> compare(const AllanCurve& curve, const
       differs = (1 - tolerance) * wanted > surely_seen * least_seen;
       undecided = !differs;
     }
+    const char letter = allan_term_list[t].letter;
+    const bool is_by_curve = differs && has_curve_of_model && (letter == 'Q' || letter == 'N');
     verdicts[t] = {wanted,
-                   differs     ? Verdict::differs
-                   : undecided ? Verdict::undecided
-                               : Verdict::agrees,
-                   wanted == 0 && !value};
+                   differs && !is_by_curve ? Verdict::differs
+                   : undecided             ? Verdict::undecided
+                                           : Verdict::agrees,
+                   wanted == 0 && !value, is_by_curve};
   }
   return verdicts;
+}
+
+bool has_deviations_of(const AllanCurve& curve, std::span<const double> model, double tolerance) {
+  const double confidence = 1 - false_difference / static_cast<double>(curve.points.size());
+  for (std::size_t i = 0; i < curve.points.size(); ++i) {
+    const AllanCurve::Point& point = curve.points[i];
+    const DeviationBounds bounds = deviation_bounds(point.deviation, point.degrees, confidence);
+    if (bounds.low > (1 + tolerance) * model[i] || bounds.high < (1 - tolerance) * model[i]) return false;
+  }
+  return true;
 }
 
 bool agrees(const std::array<TermVerdict, allan_term_count>& verdicts) noexcept {

@@ -115,7 +115,11 @@ bool AllanReport::keeps_all_limits() const {
 }
 
 std::array<TermVerdict, allan_term_count> AllanReport::verdicts(const Axis& axis) const {
-  return compare(axis.curve, axis.fit, against->of[axis.number], tolerance);
+  std::vector<double> model;
+  if (!against->noise[axis.number].of_values.empty())
+    for (const auto& point : axis.curve.points) model.push_back(model_deviation(axis, point));
+  return compare(axis.curve, axis.fit, against->of[axis.number], tolerance,
+                 !model.empty() && has_deviations_of(axis.curve, model, tolerance));
 }
 
 double AllanReport::model_deviation(const Axis& axis, const AllanCurve::Point& point) const {
@@ -141,7 +145,8 @@ std::string AllanReport::comparison_text() const {
       const auto word = found[t].word;
       text += fmt::format("{:<10} {} {:<10} for {:.4g} {}: {}\n", name, allan_term_list[t].letter, seen,
                           unit.factor * found[t].model, unit.datasheet,
-                          word == TermVerdict::Word::agrees    ? "agrees"
+                          found[t].is_by_curve                 ? "agrees, by the curve of its samples"
+                          : word == TermVerdict::Word::agrees  ? "agrees"
                           : word == TermVerdict::Word::differs ? "DIFFERS"
                                                                : "undecided, the recording is too short");
       name.clear();
