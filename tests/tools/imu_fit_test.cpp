@@ -188,6 +188,29 @@ TEST(ImuFit, IsExactWithoutNoise) {
   }
 }
 
+// Temperature changes what the sensor measures along its own axes, as in imud: axes that are 20 mrad off leave no
+// residuals, and the change of the scale factor is exact.
+TEST(ImuFit, TheScaleFactorChangesAlongTheMisalignedAxes) {
+  std::array<TriadErrors, 2> errors;
+  for (TriadErrors& one : errors) {
+    one.misalignment << 1, 0.02, -0.01, 0.005, 1, 0.02, -0.02, 0.01, 1;
+    one.scale_factor = {1.002, 0.998, 1.001};
+    one.temperature_scale.col(0) = Vector3(40 * ppm, -30 * ppm, 20 * ppm);
+  }
+  const std::vector<Dwell> dwells = all_dwells(4, true);
+  const StillRecording recording = recording_of(errors, dwells, Units::rate_hz, 5);
+  for (std::size_t sensor = 0; sensor < 2; ++sensor) {
+    auto means = dwell_means(recording, dwells, sensor == 0, 25);
+    for (DwellMean& mean : means) mean.white = Vector3::Constant(1e-16);
+    const auto fits = fit_sensor(means, {}, {}, sensor == 0);
+    for (int axis = 0; axis < 3; ++axis) {
+      const AxisFit& fit = fits[static_cast<std::size_t>(axis)];
+      EXPECT_LT(fit.chi_square, 1) << sensor << axis;
+      EXPECT_NEAR(fit[FitTerm::scale_by_temperature].value, errors[sensor].temperature_scale(axis, 0), 1e-9);
+    }
+  }
+}
+
 // The terms that a procedure does not show are named, and the others are right.
 TEST(ImuFit, NamesWhatTheDwellsDoNotShow) {
   Units units;

@@ -55,7 +55,7 @@ MatrixXd covariance(const std::vector<DwellMean>& dwells, int axis, const AllanT
   return all;
 }
 
-MatrixXd design(const std::vector<DwellMean>& dwells, int axis, bool has_g_sensitivity) {
+MatrixXd design(const std::vector<DwellMean>& dwells, const Vector3& row, bool has_g_sensitivity) {
   MatrixXd all = MatrixXd::Zero(static_cast<Index>(dwells.size()), fit_terms);
   for (Index i = 0; i < all.rows(); ++i) {
     const DwellMean& dwell = dwells[static_cast<std::size_t>(i)];
@@ -63,7 +63,7 @@ MatrixXd design(const std::vector<DwellMean>& dwells, int axis, bool has_g_sensi
     for (int j = 0; j < 3; ++j) all(i, 1 + j) = dwell.input[j];
     for (int j = 0; j < 3 && has_g_sensitivity; ++j) all(i, 4 + j) = dwell.force[j];
     all(i, 7) = dwell.temperature;
-    all(i, 8) = dwell.temperature * dwell.input[axis];
+    all(i, 8) = dwell.temperature * row.dot(dwell.input);
   }
   return all;
 }
@@ -111,12 +111,13 @@ Observability observability_of_model(const MatrixXd& whitened, std::vector<Index
   return observability(whitened, terms, by_rounding);
 }
 
-AxisFit fit_axis(const std::vector<DwellMean>& dwells, int axis, const AllanTerms& noise,
+// `row`: row i of M, by which the scale factor's change with temperature acts.
+AxisFit fit_axis(const std::vector<DwellMean>& dwells, int axis, const Vector3& row, const AllanTerms& noise,
                  const FixtureErrors& fixture, bool has_g_sensitivity) {
   AxisFit fit;
   fit.parameters[static_cast<std::size_t>(1 + axis)].value = 1;  // what is not fitted is nominal
   const Eigen::LLT<MatrixXd> root(covariance(dwells, axis, noise, fixture));
-  const MatrixXd terms = design(dwells, axis, has_g_sensitivity);
+  const MatrixXd terms = design(dwells, row, has_g_sensitivity);
   const MatrixXd whitened = root.matrixL().solve(terms);
   VectorXd means(static_cast<Index>(dwells.size()));
   for (Index i = 0; i < means.size(); ++i) means[i] = dwells[static_cast<std::size_t>(i)].mean[axis];
@@ -161,9 +162,13 @@ AxisFit fit_axis(const std::vector<DwellMean>& dwells, int axis, const AllanTerm
 std::array<AxisFit, 3> fit_sensor(const std::vector<DwellMean>& dwells, const std::array<AllanTerms, 3>& noise,
                                   const FixtureErrors& fixture, bool has_g_sensitivity) {
   std::array<AxisFit, 3> fits;
-  for (int axis = 0; axis < 3; ++axis)
-    fits[static_cast<std::size_t>(axis)] =
-        fit_axis(dwells, axis, noise[static_cast<std::size_t>(axis)], fixture, has_g_sensitivity);
+  for (int axis = 0; axis < 3; ++axis) {
+    const auto i = static_cast<std::size_t>(axis);
+    fits[i] = fit_axis(dwells, axis, Vector3::Unit(axis), noise[i], fixture, has_g_sensitivity);
+    if (!fits[i][FitTerm::scale_by_temperature].sigma) continue;
+    const Vector3 row(fits[i][FitTerm::x].value, fits[i][FitTerm::y].value, fits[i][FitTerm::z].value);
+    fits[i] = fit_axis(dwells, axis, row, noise[i], fixture, has_g_sensitivity);
+  }
   return fits;
 }
 

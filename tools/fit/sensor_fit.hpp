@@ -29,8 +29,8 @@ struct FixtureErrors {
   double angle_rad = 0;  // of the attitude in each dwell
 };
 
-// Row i of  m = b + M x + G f + b1 T + s1 T x_i  (IEEE Std 952-1997, IEEE Std 1293-2018, without the terms of higher
-// order).
+// Row i of  m = b + M x + G f + b1 T + s1 T (M x)_i  (IEEE Std 952-1997, IEEE Std 1293-2018, without the terms of
+// higher order).
 enum class FitTerm : std::uint8_t { bias, x, y, z, g_x, g_y, g_z, bias_by_temperature, scale_by_temperature };
 inline constexpr std::size_t fit_terms = 9;
 
@@ -49,11 +49,11 @@ struct AxisFit {
   const Parameter& operator[](FitTerm term) const noexcept { return parameters[static_cast<std::size_t>(term)]; }
 };
 
-// Fits each axis by generalised least squares: the dwells' means share the flicker noise and the random walk of
-// `noise`, whose covariance follows from their times. A term that a combination of other terms hides, or that no
-// dwell varies, is not fitted; a change with temperature that would hide a term without temperature is not fitted,
-// and taken as 0. If the residuals are larger than the standard errors explain, with a probability
-// below 1e-3, the standard errors are enlarged accordingly.
+// Fits each axis by generalised least squares, first with the nominal M and then with the fitted one in the last
+// term: the dwells' means share the flicker noise and the random walk of `noise`, whose covariance follows from their
+// times. A term that a combination of other terms hides, or that no dwell varies, is not fitted; a change with
+// temperature that would hide a term without temperature is not fitted, and taken as 0. If the residuals are larger
+// than the standard errors explain, with a probability below 1e-3, the standard errors are enlarged accordingly.
 std::array<AxisFit, 3> fit_sensor(const std::vector<DwellMean>& dwells, const std::array<AllanTerms, 3>& noise,
                                   const FixtureErrors& fixture, bool has_g_sensitivity);
 
