@@ -59,7 +59,8 @@ struct ImuModel {
   // The most by which a sample is taken before its nominal instant; not negative, below the sample period.
   Nanoseconds sampling_jitter{0};
   // The time from the truth that a sample measures to the instant and the stamp of the sample; not negative. Before
-  // the first truth of a run the motion is the first truth's.
+  // the first truth of a run the vehicle stands still in this truth's attitude, with its specific force: the
+  // delta-velocity over the first truth has the begin of the rotation, omega x r, of a sensor with a lever arm.
   Nanoseconds sampling_delay{0};
   // Imu does not use these two. The owner of the clock applies them to the instants and stamps that it passes to
   // Imu::sample().

@@ -209,7 +209,8 @@ TriadErrors read_triad(TableReader& table, const SensorKeys& keys, const TriadEr
   return e;
 }
 
-// The vehicle's iron stands between the field and the sensor: m = M (S B + h), with the misalignment M.
+// The vehicle's iron stands between the field and the sensor: m = k M S B + M h, with the misalignment M and the
+// scale factor k, which does not act on h.
 void read_iron(TableReader& table, TriadErrors& e) {
   const Matrix3 soft = table.matrix3("soft_iron", Matrix3::Identity(), false);
   constexpr double largest = 0.9;
