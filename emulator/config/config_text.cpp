@@ -131,8 +131,14 @@ Chosen choose(toml::array& array, std::string_view path) {
   return chosen;
 }
 
+// A value of the command line, and the text that gives it.
+struct GivenValue {
+  const toml::node& value;
+  const std::string& text;
+};
+
 // Sets the key that `path` names below `at`. Returns the fault; empty if the key was set.
-std::string set_key(toml::node& at, std::string_view path, const toml::node& value) {
+std::string set_key(toml::node& at, std::string_view path, const GivenValue& given, Faults& faults) {
   if (auto* array = at.as_array()) {
     const Chosen chosen = choose(*array, path);
     if (chosen.items.empty())
@@ -140,7 +146,7 @@ std::string set_key(toml::node& at, std::string_view path, const toml::node& val
                          array->size());
     if (chosen.below.empty()) return fmt::format("give a key below \"{}\"", path);
     for (toml::node* item : chosen.items)
-      if (std::string fault = set_key(*item, chosen.below, value); !fault.empty()) return fault;
+      if (std::string fault = set_key(*item, chosen.below, given, faults); !fault.empty()) return fault;
     return {};
   }
   const std::size_t dot = path.find('.');
@@ -148,11 +154,12 @@ std::string set_key(toml::node& at, std::string_view path, const toml::node& val
   auto* table = at.as_table();
   if (table == nullptr) return fmt::format("\"{}\" is below a plain value", step);
   if (dot == path.npos) {
-    table->insert_or_assign(step, value);
+    table->insert_or_assign(step, given.value);
+    faults.add_given_text(table->get(step), given.text);
     return {};
   }
   if (!table->contains(step)) table->insert(step, toml::table{});
-  return set_key(*table->get(step), path.substr(dot + 1), value);
+  return set_key(*table->get(step), path.substr(dot + 1), given, faults);
 }
 
 void override_key(toml::table& root, const std::string& assignment, Faults& faults) {
@@ -170,8 +177,8 @@ void override_key(toml::table& root, const std::string& assignment, Faults& faul
       return fault("give text in UTF-8, without control characters");
     }
   }
-  if (const std::string what = set_key(root, assignment.substr(0, equals), *parsed.get("v")); !what.empty())
-    fault(what);
+  const std::string what = set_key(root, assignment.substr(0, equals), {*parsed.get("v"), value}, faults);
+  if (!what.empty()) fault(what);
 }
 
 // Removes empty tables.

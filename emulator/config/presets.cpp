@@ -215,9 +215,7 @@ std::optional<PresetErrors> read_field_model(TableReader& table, bool (*has)(con
 const Preset* read_model(TableReader& table, std::string_view own, std::string& model) {
   model = model_in(table, own);
   const Preset* preset = find_preset(model);
-  if (preset != nullptr || model == "white" || model == model_without_errors ||
-      (table.has("model") && !is_text(table, "model")))
-    return preset;
+  if (preset != nullptr || model == "white" || model == model_without_errors) return preset;
   table.fault("model", fmt::format("there is no \"{}\"; {}", model,
                                    suggestion(model, preset_words({"white", std::string(model_without_errors)}))));
   return nullptr;

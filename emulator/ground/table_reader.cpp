@@ -186,10 +186,14 @@ bool TableReader::flag(std::string_view key, bool fallback) {
 
 std::string TableReader::text(std::string_view key, std::string fallback) {
   const toml::node* found = node(key);
-  if (const auto* value = found == nullptr ? nullptr : found->as_string()) fallback = value->get();
+  const bool is_plain = found != nullptr && found->is_value() && !found->is_string();
+  const std::string* given = is_plain ? faults_.given_text(found) : nullptr;
+  if (const auto* value = found == nullptr ? nullptr : found->as_string())
+    fallback = value->get();
+  else if (given != nullptr)
+    fallback = *given;
   resolve(key, fallback);
-  if (found == nullptr || found->is_string()) return fallback;
-  fault(key, "give text in quotes");
+  if (found != nullptr && !found->is_string() && given == nullptr) fault(key, "give text in quotes");
   return fallback;
 }
 

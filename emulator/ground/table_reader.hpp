@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <initializer_list>
+#include <map>
 #include <set>
 #include <span>
 #include <string>
@@ -43,6 +44,14 @@ class Faults {
     named_files_.push_back({std::move(key), std::move(path)});
   }
   const std::vector<NamedFile>& named_files() const { return named_files_; }
+  // Adds the text by which the command line gives a value, for keys that take a text: `1` is the number 1 and the
+  // text "1". The value's table must outlive the use of this.
+  void add_given_text(const toml::node* value, std::string text) { given_texts_[value] = std::move(text); }
+  // Returns nullptr if the command line has not given the value.
+  const std::string* given_text(const toml::node* value) const {
+    const auto found = given_texts_.find(value);
+    return found == given_texts_.end() ? nullptr : &found->second;
+  }
   // The file; empty if there is none, and - if it is standard input.
   const std::string& file() const noexcept { return file_; }
 
@@ -54,6 +63,7 @@ class Faults {
   std::vector<std::uint32_t> lines_;  // of all_
   std::vector<std::string> warnings_;
   std::vector<NamedFile> named_files_;
+  std::map<const toml::node*, std::string> given_texts_;
 };
 
 // Each getter returns the value of the key, or `fallback` if the key is absent. A value of the wrong type, shape or

@@ -54,6 +54,22 @@ class ConfigTest : public testing::Test {
   const std::string path_ = folder_ / "config.toml";
 };
 
+// The units of systemd give the name of their instance as it is: `--set control.name=%i` of imud@1.
+TEST_F(ConfigTest, AnOverrideOfATextNeedsNoQuotes) {
+  const std::vector<std::string> names = {"1", "042", "1_000", "0x1F", "1e3", "true", "inf", "2024-01-01"};
+  for (const std::string& name : names) {
+    EXPECT_EQ(load(good, {"control.name=" + name}).control.name, name);
+    if (name.find_first_not_of("0123456789") == name.npos) continue;  // selects imus of a list
+    const Config named = load(good, {"imu.0.name=wing", "imu.wing.name=" + name});
+    EXPECT_EQ(named.imus.at(0).name, name);
+    EXPECT_EQ(load(named.resolved()).imus.at(0).name, name);
+  }
+  EXPECT_EQ(load(good, {"control.name=\"1\""}).control.name, "1") << "in quotes as before";
+  EXPECT_EQ(load(good, {"control.name=1", "control.name=left"}).control.name, "left") << "the last one counts";
+  EXPECT_TRUE(fault(good, {"control.name=[1]"}).ends_with("control.name: give text in quotes"));
+  EXPECT_TRUE(fault(good, {"control.name=1.5"}).ends_with("give at most 40 letters, digits, - and _"));
+}
+
 TEST_F(ConfigTest, DefaultsAreTheContracts) {
   const Config c = load(good);
   EXPECT_EQ(c.seed, 7U);
