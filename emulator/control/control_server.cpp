@@ -189,7 +189,8 @@ bool is_same_user(int descriptor) {
 
 }  // namespace
 
-ControlServer::ControlServer(asio::io_context& io, const ControlConfig& config, const std::string& name) : io_(io) {
+ControlServer::ControlServer(asio::io_context& io, const ControlConfig& config, const std::string& name)
+    : io_(io), retry_local_(io), retry_tcp_(io) {
   if (config.socket == "auto") {
     try {
       socket_.emplace(ControlSocketFile::in_folder(name));
@@ -239,7 +240,8 @@ std::size_t ControlServer::clients() const noexcept {
 void ControlServer::accept_local() {
   local_->async_accept([this](const ErrorCode& error, asio::local::stream_protocol::socket socket) {
     if (error == asio::error::operation_aborted) return;
-    if (!error) add(std::move(socket), false);
+    if (error) return accept_later(error, &ControlServer::accept_local, retry_local_);
+    add(std::move(socket), false);
     accept_local();
   });
 }
@@ -247,12 +249,22 @@ void ControlServer::accept_local() {
 void ControlServer::accept_tcp() {
   tcp_->async_accept([this](const ErrorCode& error, asio::ip::tcp::socket socket) {
     if (error == asio::error::operation_aborted) return;
-    if (!error) {
-      ErrorCode ignored;
-      socket.set_option(asio::ip::tcp::no_delay(true), ignored);
-      add(std::move(socket), true);
-    }
+    if (error) return accept_later(error, &ControlServer::accept_tcp, retry_tcp_);
+    ErrorCode ignored;
+    socket.set_option(asio::ip::tcp::no_delay(true), ignored);
+    add(std::move(socket), true);
     accept_tcp();
+  });
+}
+
+// With too many open files, for example, the connection keeps waiting, and accepting it would fail again at once.
+void ControlServer::accept_later(const ErrorCode& error, void (ControlServer::*accept)(), asio::steady_timer& retry) {
+  if (!std::exchange(refusal_reported_, true))
+    spdlog::warn("control: a connection cannot be accepted: {}; tried again every 100 ms (reported once)",
+                 error.message());
+  retry.expires_after(std::chrono::milliseconds(100));
+  retry.async_wait([this, accept](const ErrorCode& aborted) {
+    if (!aborted) (this->*accept)();
   });
 }
 

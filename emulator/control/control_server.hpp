@@ -46,6 +46,8 @@ class ControlServer {
  private:
   void accept_local();
   void accept_tcp();
+  void accept_later(const boost::system::error_code& error, void (ControlServer::*accept)(),
+                    boost::asio::steady_timer& retry);
   void add(boost::asio::generic::stream_protocol::socket socket, bool needs_token);
 
   boost::asio::io_context& io_;
@@ -53,6 +55,8 @@ class ControlServer {
   std::optional<ControlSocketFile> socket_;
   std::optional<boost::asio::local::stream_protocol::acceptor> local_;
   std::optional<boost::asio::ip::tcp::acceptor> tcp_;
+  boost::asio::steady_timer retry_local_, retry_tcp_;
+  bool refusal_reported_ = false;
   std::optional<Token> token_;
   std::vector<std::weak_ptr<Client>> clients_;
 };

@@ -1,10 +1,13 @@
 // The sockets of the control protocol: who may connect, and what a client can do to a run.
 #include <arpa/inet.h>
+#include <sys/resource.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
 #include <fstream>
+#include <iterator>
 #include <random>
+#include <sstream>
 #include <utility>
 
 #include "emulator/control/control_server.hpp"
@@ -105,6 +108,38 @@ TEST_F(ControlSocket, ARequestThatIsTooLongIsRefused) {
   ASSERT_TRUE(answer);
   EXPECT_EQ(json::parse(*answer)["id"], "last");
   EXPECT_FALSE(reader.receive());
+  EXPECT_EQ(imud.stop(), 0);
+}
+
+// The limit of open files is that of the moment: the connection waits, and is served when there is room again.
+TEST_F(ControlSocket, WaitsForRoomWithTooManyOpenFiles) {
+  Program imud("imud");
+  start(imud, running());
+  ASSERT_TRUE(imud.wait_for_errors("ready"));
+  EXPECT_GT(ControlClient(path("socket")).call("status")["result"]["pid"].get<int>(), 0);
+  const std::string process = fmt::format("/proc/{}/", imud.pid());
+  rlimit before{};
+  ASSERT_EQ(::prlimit(imud.pid(), RLIMIT_NOFILE, nullptr, &before), 0);
+  const rlimit none{0, before.rlim_max};
+  ASSERT_EQ(::prlimit(imud.pid(), RLIMIT_NOFILE, &none, nullptr), 0);
+  ControlClient client(path("socket"));
+  ASSERT_TRUE(imud.wait_for_errors("a connection cannot be accepted: Too many open files"));
+  // The seconds that the thread of the clients has computed, by proc(5): utime and stime.
+  const auto used = [&] {
+    std::ifstream file(process + fmt::format("task/{}/stat", imud.pid()));
+    const std::string text(std::istreambuf_iterator<char>(file), {});
+    std::istringstream fields(text.substr(text.rfind(')') + 2));
+    const std::vector<std::string> all(std::istream_iterator<std::string>(fields), {});
+    return static_cast<double>(std::stoul(all.at(11)) + std::stoul(all.at(12))) /
+           static_cast<double>(::sysconf(_SC_CLK_TCK));
+  };
+  const double begin_s = used();
+  std::this_thread::sleep_for(std::chrono::seconds(1));
+  EXPECT_LT(used() - begin_s, 0.1);
+  const std::string errors = imud.errors(), words = "cannot be accepted";
+  EXPECT_EQ(errors.find(words), errors.rfind(words)) << errors;
+  ASSERT_EQ(::prlimit(imud.pid(), RLIMIT_NOFILE, &before, nullptr), 0);
+  EXPECT_EQ(client.call("status")["result"]["pid"], imud.pid());
   EXPECT_EQ(imud.stop(), 0);
 }
 
