@@ -6,6 +6,7 @@
 #include <CLI/CLI.hpp>
 #include <boost/asio/ip/tcp.hpp>
 #include <cerrno>
+#include <chrono>
 #include <csignal>
 #include <cstdio>
 #include <cstdlib>
@@ -20,6 +21,17 @@
 
 namespace imud {
 namespace {
+
+using namespace std::chrono_literals;
+
+// The time for an answer, for the answer to a change, which waits for a sample, and for a reload, which waits for
+// files, for a sample and for other reloads.
+constexpr Nanoseconds longest_answer = 2s, longest_change = 10s, longest_reload = 60s;
+
+Nanoseconds longest_wait(const std::string& method) {
+  const bool only_asks = method == "status" || method == "list" || method == "subscribe" || method == "unsubscribe";
+  return only_asks ? longest_answer : method == "reload" ? longest_reload : longest_change;
+}
 
 int fail(std::string_view what, int exit_code = 1) {
   fmt::print(stderr, "imud: {}\n", what);
@@ -72,7 +84,7 @@ LineConnection connect_by_tcp(const NumericAddress& address, const std::string& 
   }
   LineConnection lines(std::move(socket));
   const Json request = {{"jsonrpc", "2.0"}, {"method", "authenticate"}, {"params", {{"token", secret}}}, {"id", 0}};
-  const auto answer = lines.send(json_line(request)) ? lines.receive() : std::nullopt;
+  const auto answer = lines.send(json_line(request)) ? lines.receive(host_now() + longest_answer) : std::nullopt;
   const Json response = answer ? Json::parse(*answer, nullptr, false) : Json();
   if (response.is_object() && response.contains("result")) return lines;
   fail(fmt::format("{}: {}", name, response.is_object() ? "the token is not that of the run" : "no imud answers"));
@@ -84,8 +96,8 @@ int list_instances(bool json) {
   if (json) {
     Json list = Json::array();
     for (const Instance& one : found.running) list.push_back({{"name", one.name}, {"socket", one.path}});
-    fmt::print("{}\n", list.dump(2));
-    return 0;
+    fmt::print("{}\n", list.dump(2, ' ', false, Json::error_handler_t::replace));
+    return found.running.empty() ? 1 : 0;
   }
   if (found.running.empty()) return fail(none_text(found, ""));
   for (const Instance& one : found.running) fmt::print("{:<12} {}\n", one.name, one.path);
@@ -98,47 +110,71 @@ Json value_of(const std::string& text) {
   return value.is_discarded() ? Json(text) : value;
 }
 
-// Returns lines of words for an answer.
+// Returns lines of words for an answer. Throws Json::exception for the answer of another program.
 std::string words_of(const std::string& method, const Json& result) {
   std::string out;
   if (method == "status") {
-    out = fmt::format("imud {}, {} (process {}), clock {}, {:.1f} s\n", result["version"].get<std::string>(),
-                      result["name"].get<std::string>(), result["pid"].get<int>(), result["clock"].get<std::string>(),
-                      result["counters"]["duration_s"].get<double>());
-    for (const Json& imu : result["imus"])
-      out += fmt::format("{:<8} {} at {:g} Hz to {}, power {}{}, {} samples\n", imu["name"].get<std::string>(),
-                         imu["protocol"].get<std::string>(), imu["rate_hz"].get<double>(),
-                         imu["port"].get<std::string>(), imu["power"].get<std::string>(),
-                         imu["paused"].get<bool>() ? ", paused" : "", imu["samples"].get<std::uint64_t>());
+    out = fmt::format("imud {}, {} (process {}), clock {}, {:.1f} s\n", result.at("version").get<std::string>(),
+                      result.at("name").get<std::string>(), result.at("pid").get<int>(),
+                      result.at("clock").get<std::string>(), result.at("counters").at("duration_s").get<double>());
+    for (const Json& imu : result.at("imus"))
+      out += fmt::format("{:<8} {} at {:g} Hz to {}, power {}{}, {} samples\n", imu.at("name").get<std::string>(),
+                         imu.at("protocol").get<std::string>(), imu.at("rate_hz").get<double>(),
+                         imu.at("port").get<std::string>(), imu.at("power").get<std::string>(),
+                         imu.at("paused").get<bool>() ? ", paused" : "", imu.at("samples").get<std::uint64_t>());
     return out;
   }
   if (method == "list") {
     out = "methods\n";
-    for (const Json& one : result["methods"])
-      out += fmt::format("  {:<14} {}{}\n", one["name"].get<std::string>(), one["summary"].get<std::string>(),
-                         one.contains("example") ? "; " + one["example"].dump() : "");
+    for (const Json& one : result.at("methods"))
+      out += fmt::format("  {:<14} {}{}\n", one.at("name").get<std::string>(), one.at("summary").get<std::string>(),
+                         one.contains("example") ? "; " + one.at("example").dump() : "");
     out += "keys of set\n";
-    for (const Json& one : result["keys"])
-      out += fmt::format("  {:<36} {}\n", one["key"].get<std::string>(), one["meaning"].get<std::string>());
+    for (const Json& one : result.at("keys"))
+      out += fmt::format("  {:<36} {}\n", one.at("key").get<std::string>(), one.at("meaning").get<std::string>());
     out += "imus\n";
-    for (const Json& one : result["imus"]) out += fmt::format("  {}\n", one.get<std::string>());
+    for (const Json& one : result.at("imus")) out += fmt::format("  {}\n", one.get<std::string>());
     return out;
   }
   if (result.contains("changed")) {
-    for (const Json& one : result["changed"])
-      out += fmt::format("{}: {}, was {}\n", one["key"].get<std::string>(), one["to"].get<std::string>(),
-                         one["from"].get<std::string>());
-    if (result["changed"].empty()) out += "no key differs\n";
+    for (const Json& one : result.at("changed"))
+      out += fmt::format("{}: {}, was {}\n", one.at("key").get<std::string>(), one.at("to").get<std::string>(),
+                         one.at("from").get<std::string>());
+    if (result.at("changed").empty()) out += "no key differs\n";
   }
   if (result.contains("applied")) {
-    for (const Json& one : result["applied"]) {
-      out += fmt::format("{}: from sample {}", one["imu"].get<std::string>(), one["sample"].get<std::uint64_t>());
-      if (one["time_ns"].is_number()) out += fmt::format(", {:.6f} s", 1e-9 * one["time_ns"].get<double>());
+    for (const Json& one : result.at("applied")) {
+      out +=
+          fmt::format("{}: from sample {}", one.at("imu").get<std::string>(), one.at("sample").get<std::uint64_t>());
+      if (one.at("time_ns").is_number()) out += fmt::format(", {:.6f} s", 1e-9 * one.at("time_ns").get<double>());
       out += '\n';
     }
     return out;
   }
   return result.dump(2) + "\n";
+}
+
+// Prints the answer, except the one to `subscribe` without --json. Returns the exit code. Throws Json::exception for
+// the answer of another program.
+int print_answer(const CtlOptions& options, const Json& response) {
+  const bool is_error = response.contains("error");
+  const Json& content = response.at(is_error ? "error" : "result");
+  if (options.json) fmt::print("{}\n", content.dump(2));
+  if (is_error) {
+    const int code = content.at("code").get<int>();
+    const std::string words = content.at("message").get<std::string>();
+    const bool is_wrong = code <= RpcError::invalid_request && code >= RpcError::invalid_params;
+    return options.json ? (is_wrong ? 2 : 1) : fail(words, is_wrong ? 2 : 1);
+  }
+  if (!options.json && options.method != "subscribe") fmt::print("{}", words_of(options.method, content));
+  return 0;
+}
+
+// Returns the run of the options as people know it.
+std::string run_of(const CtlOptions& options) {
+  for (const std::string& name : {options.to, options.socket, options.name})
+    if (!name.empty()) return name;
+  return "the run";
 }
 
 }  // namespace
@@ -190,26 +226,26 @@ int ctl(const CtlOptions& options) {
   Json request = {{"jsonrpc", "2.0"}, {"method", options.method}};
   if (!params.empty()) request["params"] = std::move(params);
   request["id"] = 1;
-  const auto answer = lines.send(json_line(request)) ? lines.receive() : std::nullopt;
+  const Nanoseconds limit = longest_wait(options.method);
+  const auto answer = lines.send(json_line(request)) ? lines.receive(host_now() + limit) : std::nullopt;
+  if (!answer && lines)
+    return fail(fmt::format("{}: has not answered within {} s: its process is stopped or too busy, or ends{}",
+                            run_of(options), seconds(limit),
+                            limit == longest_answer ? "" : "; it may execute the request later"));
   if (!answer) return fail("the connection has ended before the answer");
   const Json response = Json::parse(*answer, nullptr, false);
   if (!response.is_object()) return fail("the answer is no JSON");
-  if (options.json) fmt::print("{}\n", (response.contains("error") ? response["error"] : response["result"]).dump(2));
-  if (response.contains("error")) {
-    const int code = response["error"]["code"].get<int>();
-    const std::string words = response["error"]["message"].get<std::string>();
-    const bool is_wrong = code <= RpcError::invalid_request && code >= RpcError::invalid_params;
-    return options.json ? (is_wrong ? 2 : 1) : fail(words, is_wrong ? 2 : 1);
+  try {
+    if (const int exit_code = print_answer(options, response); exit_code != 0) return exit_code;
+  } catch (const Json::exception&) {
+    return fail("the answer is that of another program, or of another version of imud");
   }
-  if (options.method != "subscribe") {
-    if (!options.json) fmt::print("{}", words_of(options.method, response["result"]));
-    return 0;
-  }
+  if (options.method != "subscribe") return 0;
   std::signal(SIGINT, [](int) { std::_Exit(0); });
   while (const auto line = lines.receive()) {
     const Json notification = Json::parse(*line, nullptr, false);
     if (!notification.is_object() || !notification.contains("params")) continue;
-    fmt::print("{}\n", json_line(notification["params"]));
+    fmt::print("{}\n", json_line(notification.at("params")));
     if (std::fflush(stdout) != 0) return 0;  // the reader has gone
   }
   return 0;

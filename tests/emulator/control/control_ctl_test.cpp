@@ -1,5 +1,10 @@
 // `imud ctl`: over TCP, and its words about runs that were killed.
+#include <poll.h>
+#include <sys/socket.h>
 #include <sys/stat.h>
+
+#include <csignal>
+#include <thread>
 
 #include "tests/emulator/control/controlled_run.hpp"
 #include "tests/support/environment.hpp"
@@ -93,6 +98,58 @@ TEST_F(ControlCtl, NamesTheRunThatWasKilled) {
   EXPECT_EQ(ctl({"--name", "bench", "quit"}).exit_code, 0);
   EXPECT_EQ(next.wait(), 0);
   EXPECT_FALSE(std::filesystem::exists(path("imud-bench.sock")));
+}
+
+TEST_F(ControlCtl, DoesNotWaitForARunThatIsStopped) {
+  Program imud("imud");
+  start(imud, named("bench"));
+  ASSERT_TRUE(imud.wait_for_errors("ready")) << imud.errors();
+  ASSERT_EQ(ctl({"--name", "bench", "status"}).exit_code, 0);
+  ASSERT_EQ(::kill(imud.pid(), SIGSTOP), 0);
+  for (const bool by_name : {true, false}) {
+    const std::string run = by_name ? "bench" : path("imud-bench.sock");
+    const Result silent = ctl({by_name ? "--name" : "--socket", run, "status"});
+    EXPECT_EQ(silent.exit_code, 1);
+    EXPECT_EQ(silent.text,
+              fmt::format("imud: {}: has not answered within 2 s: its process is stopped or too busy, or "
+                          "ends\n",
+                          run));
+  }
+  ASSERT_EQ(::kill(imud.pid(), SIGCONT), 0);
+  EXPECT_EQ(imud.stop(), 0);
+}
+
+// Another program may listen at the path.
+TEST_F(ControlCtl, RefusesTheAnswerOfAnotherProgram) {
+  const std::vector<std::string> answers = {
+      "{}", "[]", "{\"result\": 1}", "{\"error\": {}}", "{\"error\": 1}", "{\"result\": {\"imus\": 1}}"};
+  ControlSocketFile file(path("other.sock"));
+  const FileDescriptor listener(file.release());
+  std::size_t served = 0;
+  for (const std::string& answer : answers) {
+    std::thread other([&] {
+      pollfd ready{listener.get(), POLLIN, 0};
+      if (::poll(&ready, 1, 30'000) != 1) return;
+      const FileDescriptor client(::accept(listener.get(), nullptr, nullptr));
+      std::string request(1000, ' ');
+      if (::recv(client.get(), request.data(), request.size(), 0) <= 0) return;
+      const std::string line = answer + "\n";
+      served += ::send(client.get(), line.data(), line.size(), MSG_NOSIGNAL) > 0 ? 1 : 0;
+    });
+    const Result result = ctl({"--socket", path("other.sock"), "status"});
+    other.join();
+    EXPECT_EQ(result.exit_code, 1) << answer;
+    EXPECT_TRUE(result.text.starts_with("imud: the answer is ")) << answer << ": " << result.text;
+  }
+  EXPECT_EQ(served, answers.size());
+}
+
+// Other tests may run imud meanwhile.
+TEST_F(ControlCtl, TheExitCodeOfAnEmptyListIs1) {
+  const Result list = ctl({"--json"});
+  const nlohmann::json found = nlohmann::json::parse(list.text);
+  ASSERT_TRUE(found.is_array()) << list.text;
+  EXPECT_EQ(list.exit_code, found.empty() ? 1 : 0);
 }
 
 TEST_F(ControlCtl, TakesOfTwoRunsOfOneNameTheOneInTheFirstFolder) {
