@@ -136,15 +136,27 @@ void RecordedRun::run(Engine& engine, Host& host, const Options& options, const 
       add_to_reload(packet->bytes);
     } else if (const auto event = decode_record_event(packet->bytes)) {
       is_damaged_ = !is_plausible(*event, time);
-      if (is_damaged_) break;
+      if (event->type == Type::begin && event->b != ++files_) next_file_ = event->b;
+      if (is_damaged_ || next_file_) break;
       execute(*event);
     } else if (begin_fault_) {
       begin_fault(*std::exchange(begin_fault_, std::nullopt), packet->bytes);
     }
   }
+  if (ended_) find_second_run();
   take_awaited(true);
   has_end_ = !stop.load(std::memory_order_relaxed);
+  lacks_end_ = has_end_ && !ended_ && !is_damaged_ && !next_file_;
   engine.apply(Step::truth(engine.watermark()));  // finds the end
+}
+
+// Reads on after the end of the run: files of several runs may have been put together.
+void RecordedRun::find_second_run() noexcept {
+  while (!next_file_ && !reader_.at_end() && !stop_->load(std::memory_order_relaxed)) {
+    const auto packet = reader_.next();
+    if (!packet || reader_.interfaces()[packet->interface].link_type != link_type::event) continue;
+    if (const auto event = decode_record_event(packet->bytes); event && event->type == Type::begin) next_file_ = 1;
+  }
 }
 
 // The arithmetic is unsigned, because the time of a damaged packet may wrap around.
@@ -321,9 +333,23 @@ void RecordedRun::process_truth(const RecordEvent& event) noexcept {
 }
 
 std::string RecordedRun::difference() const {
+  std::string all = change();
+  if (lacks_end_)
+    all += fmt::format("{}the record has no end: its run was killed, or later files are missing",
+                       all.empty() ? "" : "; ");
+  return all;
+}
+
+std::string RecordedRun::change() const {
   if (is_damaged_)
     return fmt::format("the record is damaged: packet {} has an impossible time, and what follows it is left out",
                        packets_);
+  if (next_file_ == 1)
+    return "a second run begins in the record, and is left out: the files of one run make a record";
+  if (next_file_)
+    return fmt::format(
+        "file {} of the record is missing or out of order: file {} comes in its place, and is left out", files_,
+        *next_file_);
   if (lost_ > 0) return fmt::format("the record lacks {} packets: what follows them is not that of the run", lost_);
   if (faults_missing_ > 0)
     return fmt::format("{} faults that were begun by control cannot be repeated: {}", faults_missing_,

@@ -55,6 +55,8 @@ class RecordedRun {
   class Input;
   HostTime time_of(const PcapngPacket& packet) const noexcept;
   bool is_plausible(const RecordEvent& event, HostTime time) noexcept;
+  void find_second_run() noexcept;
+  std::string change() const;
   void execute(const RecordEvent& event) noexcept;
   void propose(const RecordEvent& event) noexcept;
   void repeat_command(const RecordEvent& event) noexcept;
@@ -104,6 +106,9 @@ class RecordedRun {
   std::string reload_text_;
   Config config_;  // the configuration of the run now
   bool ended_ = false, has_end_ = false;
+  bool lacks_end_ = false;                 // the record has ended before its run
+  std::int64_t files_ = 0;                 // files of the record that have begun
+  std::optional<std::int64_t> next_file_;  // the number of another file than the next one, at which run() has ended
   std::uint64_t packets_ = 0, lost_ = 0, differing_ = 0, faults_missing_ = 0, reloads_missing_ = 0;
   bool is_damaged_ = false;  // at the last packet
   HostTime instant_;         // of the last samples

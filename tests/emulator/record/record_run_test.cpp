@@ -142,11 +142,51 @@ TEST_F(RecordRunTest, ALiveRunIsRepeatedAndReadableAfterAKill) {
   EXPECT_GT(std::count(left.begin(), left.end(), "truth"), 30);
   const std::string left1 = read_file(path("out1"));
   const auto repeated = run_program("imud", {"replay", c, record(), "--fast"});
-  EXPECT_TRUE(repeated.exit_code == 0 || repeated.exit_code == 3) << repeated.errors;
+  EXPECT_EQ(repeated.exit_code, 3) << repeated.errors;
+  EXPECT_NE(repeated.errors.find("the record has no end: its run was killed, or later files are missing"),
+            std::string::npos)
+      << repeated.errors;
   const std::string whole1 = read_file(path("out1"));
   const std::size_t both = std::min(whole1.size(), left1.size());
   EXPECT_GT(both, 10'000U);
   EXPECT_TRUE(whole1.substr(0, both) == left1.substr(0, both));
+}
+
+// `cat FILE-*.pcapng` makes one record of all files; it is not whole if one is missing or in another place.
+TEST_F(RecordRunTest, AMissingFileIsNamed) {
+  ASSERT_EQ(
+      run_program("imu-truth", {"spiral", "--csv", path("truth.csv"), "--rate", "100", "--for", "40"}).exit_code, 0);
+  const std::string c = two_imus("fast", "format = \"csv\"");
+  const auto recorded =
+      run_program("imud", {"replay", c, path("truth.csv"), "--record", record(), "--record-max-mb", "1"});
+  ASSERT_EQ(recorded.exit_code, 0) << recorded.errors;
+  const std::string out1 = read_file(path("out1"));
+  std::vector<std::string> files;
+  for (int i = 1; std::filesystem::exists(path(fmt::format("run-{:05}.pcapng", i))); ++i)
+    files.push_back(read_file(path(fmt::format("run-{:05}.pcapng", i))));
+  ASSERT_GE(files.size(), 3U);
+  std::string all, but_second = files[0], but_last;
+  for (std::size_t i = 0; i < files.size(); ++i) {
+    all += files[i];
+    if (i > 1) but_second += files[i];
+    if (i + 1 < files.size()) but_last += files[i];
+  }
+  const auto repeat = [&](const std::string& bytes) {
+    return run_program("imud", {"replay", c, write("joined.pcapng", bytes), "--fast"});
+  };
+  const ProgramResult whole = repeat(all);
+  EXPECT_EQ(whole.exit_code, 0) << whole.errors;
+  EXPECT_TRUE(read_file(path("out1")) == out1);
+  const std::pair<std::string, std::string> wrong[] = {
+      {but_second, "file 2 of the record is missing or out of order: file 3 comes in its place"},
+      {but_last, "the record has no end: its run was killed, or later files are missing"},
+      {files[0] + all, "a second run begins in the record"},
+      {all + all, "a second run begins in the record"}};
+  for (const auto& [bytes, words] : wrong) {
+    const ProgramResult part = repeat(bytes);
+    EXPECT_EQ(part.exit_code, 3) << words;
+    EXPECT_NE(part.errors.find(words), std::string::npos) << part.errors;
+  }
 }
 
 TEST_F(RecordRunTest, FilesRotateAndAFullDiskIsCounted) {
