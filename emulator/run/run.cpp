@@ -347,10 +347,10 @@ int run(const Config& config, const RunOptions& options) {
   if (!options.labels_file.empty())
     attempt([&] { labels_file.replace(labels(engine, config, options.labels_file)); });
   if (!options.junit_file.empty()) attempt([&] { junit_file.replace(junit_xml(outcome.expected, "imud")); });
-  // Last: it says that the run is complete.
-  attempt([&] { summary_file.replace(json(summary, JsonLayout::indented)); });
   TextFile printed = has_data ? TextFile::standard_error() : TextFile("-");
   attempt([&] { printed.write(text(summary)); });
+  // Last: it says that the run is complete.
+  attempt([&] { summary_file.replace(json(summary, JsonLayout::indented)); });
   if (failure) std::rethrow_exception(failure);
   return outcome.exit_code();
 }

@@ -277,6 +277,16 @@ std::vector<FaultLabel> Runs::labels(const Batch& batch, std::size_t run, Engine
   return all;
 }
 
+// Writes a summary that names the failure, which is more important than another one of this write.
+void write_failure(TextFile& summary_file, const std::exception& error) noexcept {
+  try {
+    const Json summary = {
+        {"complete", false}, {"ended_by", "failure"}, {"exit_code", 1}, {"shortfalls", Json::array({error.what()})}};
+    summary_file.replace(summary.dump(1, ' ', false, Json::error_handler_t::replace) + "\n");
+  } catch (const std::exception&) {
+  }
+}
+
 }  // namespace
 
 std::optional<SeedRange> SeedRange::parse(std::string_view text) noexcept {
@@ -302,7 +312,20 @@ int replay_seeds(const Config& config, const RunOptions& options, const SeedsOpt
   check_seed_ports(config, options.repeats, seeds.seeds && seeds.seeds->size() > 1, !seeds.npy.empty());
   check_seed_files(config, options, seeds.npy);
   TextFile summary_file(options.summary_file), labels_file(options.labels_file);
-  Runs runs(config, options, seeds);
+  std::optional<Runs> begun;
+  try {
+    begun.emplace(config, options, seeds);
+  } catch (const OpenError&) {
+    throw;  // it cannot begin, as below
+  } catch (const PortError&) {
+    throw;
+  } catch (const ConfigError&) {
+    throw;
+  } catch (const std::runtime_error& error) {
+    write_failure(summary_file, error);
+    throw;
+  }
+  Runs& runs = *begun;
   const unsigned jobs = seeds.jobs > 0 ? seeds.jobs : usable_processors();
   runs.divide(jobs);
   // All is open. A command that cannot begin leaves the results of the command before as they are.
@@ -325,8 +348,9 @@ int replay_seeds(const Config& config, const RunOptions& options, const SeedsOpt
                            runs.items());
     progress.clear();
     is_whole ? runs.commit() : runs.keep();
-  } catch (...) {
+  } catch (const std::exception& error) {
     runs.keep();
+    write_failure(summary_file, error);
     throw;
   }
 
@@ -334,16 +358,28 @@ int replay_seeds(const Config& config, const RunOptions& options, const SeedsOpt
   if (!is_whole) spdlog::error("incomplete: a signal ended it after {} of {} runs", done, runs.runs());
   // A result that cannot be written is a failure, but the other results are written.
   std::exception_ptr failure;
+  Json failures = Json::array();
   const auto attempt = [&](const auto& write) {
     try {
       write();
-    } catch (const std::exception&) {
+    } catch (const std::exception& error) {
       if (!failure) failure = std::current_exception();
+      failures.push_back(error.what());
     }
   };
   if (!options.labels_file.empty())
     attempt([&] { labels_file.replace(results.labels(options.labels_file.ends_with(".json"))); });
-  const int exit_code = failure ? 1 : worse_exit_code(results.exit_code(), is_whole ? 0 : 3);
+  const int exit_code_of_runs = worse_exit_code(results.exit_code(), is_whole ? 0 : 3);
+  TextFile printed = options.summary_file == "-" ? TextFile::standard_error() : TextFile("-");
+  attempt([&] {
+    printed.write(fmt::format("ran      {:.3f} s, {} runs of {}, {} samples, {:.3g} samples/s\n", duration_s, done,
+                              plural(runs.seeds(), "seed"), results.samples(),
+                              static_cast<double>(results.samples()) / duration_s));
+    printed.write(fmt::format("ended    by {}, {}\n", is_whole ? "end_of_capture" : "signal",
+                              exit_code_of_runs == 0 && !failure ? "complete" : "incomplete or failed"));
+  });
+  // Last: it says that the runs are complete.
+  const int exit_code = failure ? 1 : exit_code_of_runs;
   Json all = {{"duration_s", duration_s},
               {"exit_code", exit_code},
               {"complete", exit_code == 0},
@@ -352,14 +388,9 @@ int replay_seeds(const Config& config, const RunOptions& options, const SeedsOpt
               {"config_sha256", config.sha256},
               {"jobs", jobs},
               {"seeds", Json::array()}};
+  if (failure) all["shortfalls"] = failures;
   for (const auto& [seed, summary] : results.by_seed()) all["seeds"].push_back(summary);
-  attempt([&] { summary_file.replace(all.dump(1) + "\n"); });
-  TextFile printed = options.summary_file == "-" ? TextFile::standard_error() : TextFile("-");
-  printed.write(fmt::format("ran      {:.3f} s, {} runs of {}, {} samples, {:.3g} samples/s\n", duration_s, done,
-                            plural(runs.seeds(), "seed"), results.samples(),
-                            static_cast<double>(results.samples()) / duration_s));
-  printed.write(fmt::format("ended    by {}, {}\n", is_whole ? "end_of_capture" : "signal",
-                            exit_code == 0 && !failure ? "complete" : "incomplete or failed"));
+  attempt([&] { summary_file.replace(all.dump(1, ' ', false, Json::error_handler_t::replace) + "\n"); });
   if (failure) std::rethrow_exception(failure);
   return exit_code;
 }

@@ -296,6 +296,32 @@ TEST_F(ReplayedFiles, AFullDiskIsAnError) {
   EXPECT_EQ(csv.errors, "imu-truth: /dev/full: No space left on device\n");
 }
 
+TEST_F(ReplayedFiles, TheSummaryHasTheExitCode) {
+  const std::string command = fmt::format("{}/imud replay {} {} --summary {}", IMUD_BIN_DIR, config_,
+                                          path("truth.csv"), path("summary.json"));
+  for (const std::string& more : {std::string(), " --seeds 1..2 --npy " + path("all.npy")}) {
+    const ProgramResult full = run_program("/bin/sh", {"-c", command + more + " > /dev/full"});
+    EXPECT_EQ(full.exit_code, 1) << more << full.errors;
+    EXPECT_EQ(summary()["exit_code"], 1) << more;
+    EXPECT_EQ(summary()["complete"], false) << more;
+    EXPECT_EQ(summary()["shortfalls"].back(), "standard output: cannot be written: No space left on device") << more;
+  }
+}
+
+TEST_F(ReplayedFiles, SeedsThatFailLeaveASummaryThatSaysSo) {
+  for (const std::string& before : {std::string(), std::string("{\"complete\": true}\n")}) {
+    if (!before.empty()) write("summary.json", before);
+    const ProgramResult none = replay(
+        write("none.csv", ""), {"--seeds", "1..2", "--npy", path("none.npy"), "--summary", path("summary.json")});
+    EXPECT_EQ(none.exit_code, 1) << none.errors;
+    EXPECT_EQ(summary()["complete"], false);
+    EXPECT_EQ(summary()["exit_code"], 1);
+    EXPECT_EQ(summary()["ended_by"], "failure");
+    ASSERT_EQ(summary()["shortfalls"].size(), 1U);
+    EXPECT_NE(none.errors.find(summary()["shortfalls"][0].get<std::string>()), std::string::npos) << none.errors;
+  }
+}
+
 TEST_F(ReplayedFiles, AFullStandardOutputIsAnError) {
   ASSERT_EQ(replay(path("truth.csv")).exit_code, 0);
   const std::string commands[] = {
