@@ -250,6 +250,8 @@ void print_report(const DatagramSender& sender, const Answers& answers, bool loc
     line("faults", fmt::format("{} dropped, {} sent twice, {} swapped with the next, {} corrupted", counters.dropped,
                                counters.duplicated, counters.reordered, counters.corrupted));
   if (counters.refused > 0) line("refused", fmt::format("{} by the network", counters.refused));
+  if (counters.unheard > 0)
+    line("unheard", fmt::format("{} times the answer was that nobody listens at that port", counters.unheard));
 }
 
 int send(const Options& options, bool& running) {
@@ -309,7 +311,7 @@ int send(const Options& options, bool& running) {
   if (datagrams == 0 && !stop_requested())
     throw std::runtime_error(fmt::format("{}: no datagram in it{}", options.capture,
                                          capture->counters().not_ours > 0 ? " for that port" : ""));
-  return 0;
+  return sender.counters().refused > 0 ? incomplete : 0;
 }
 
 void define(CLI::App& app, Options& options) {
@@ -370,7 +372,7 @@ void define(CLI::App& app, Options& options) {
   app.footer(
       fmt::format("\n{}\nExit codes: 0 done, 1 failed while running or not answered, 2 the command line is wrong, 3 "
                   "done, but the "
-                  "capture is damaged, or truths in it were refused.\n"
+                  "capture is damaged, or truths were refused, by their format or by the network.\n"
                   "Example: imu-truth coning --half-angle-rad 0.1 --to udp:127.0.0.1:9810 --rate 100 --for 10",
                   known_motions()));
 }

@@ -373,6 +373,21 @@ TEST(ImuTruth, NamesTheColumnsOfACapture) {
   EXPECT_TRUE(contains(missing.errors, "3 columns")) << missing.errors;
 }
 
+// Port 9 of the loopback address is the port of discard (RFC 863), which does not run.
+TEST(ImuTruth, TruthsWithoutAReceiverAreReported) {
+  const auto tcp = run_program("imu-truth", {"coning", "--to", "tcp:127.0.0.1:9", "--rate", "100", "--for", "0.5"});
+  EXPECT_EQ(tcp.exit_code, 3) << tcp.errors;
+  EXPECT_TRUE(contains(tcp.errors, "sent         0 datagrams")) << tcp.errors;
+  EXPECT_TRUE(contains(tcp.errors, "refused      51 by the network")) << tcp.errors;
+  const auto udp = run_program("imu-truth", {"coning", "--to", "udp:127.0.0.1:9", "--rate", "100", "--for", "0.5"});
+  EXPECT_EQ(udp.exit_code, 0) << udp.errors;
+  EXPECT_TRUE(contains(udp.errors, " times the answer was that nobody listens")) << udp.errors;
+  LoopbackSocket receiver;
+  const auto good = run_program("imu-truth", {"coning", "--to", receiver.spec(), "--rate", "100", "--for", "0.5"});
+  EXPECT_EQ(good.exit_code, 0) << good.errors;
+  EXPECT_FALSE(contains(good.errors, "unheard")) << good.errors;
+}
+
 // The columns are those that the truths have; what is refused is counted, and makes the exit code 3.
 TEST(ImuTruth, WritesTheTruthsOfACaptureAsCsv) {
   const ScratchFolder folder;

@@ -1,9 +1,11 @@
 #include "tools/truth/datagram_sender.hpp"
 
 #include <poll.h>
+#include <sys/socket.h>
 #include <time.h>
 
 #include <algorithm>
+#include <cerrno>
 
 #include "tools/stop_signal.hpp"
 #include "transports/host_clock.hpp"
@@ -25,10 +27,20 @@ int milliseconds_until(HostTime time) noexcept {
   return left_ns <= 0 ? 0 : static_cast<int>((left_ns + 999'999) / 1'000'000);
 }
 
+// Returns an option of the socket; 0 if the descriptor is no socket.
+int socket_option(int descriptor, int name) noexcept {
+  int value = 0;
+  socklen_t size = sizeof value;
+  return ::getsockopt(descriptor, SOL_SOCKET, name, &value, &size) == 0 ? value : 0;
+}
+
 }  // namespace
 
 DatagramSender::DatagramSender(Port& port, const Options& options)
-    : port_(port), options_(options), faults_(options.faults) {}
+    : port_(port),
+      options_(options),
+      faults_(options.faults),
+      is_datagram_socket_(socket_option(port.descriptor(), SO_TYPE) == SOCK_DGRAM) {}
 
 void DatagramSender::send(std::span<const std::byte> datagram, std::optional<HostTime> due) {
   const DatagramFaults::Fate fate = faults_.next(datagram.size());
@@ -65,23 +77,35 @@ void DatagramSender::send(std::span<const std::byte> datagram, std::optional<Hos
 void DatagramSender::finish() {
   if (holds_) transmit(held_);
   holds_ = false;
+  count_unheard();
+}
+
+// The port sends on after ECONNREFUSED, the answer of a machine where nobody listens (udp(7)).
+void DatagramSender::count_unheard() {
+  if (is_datagram_socket_ && socket_option(port_.descriptor(), SO_ERROR) == ECONNREFUSED) ++counters_.unheard;
 }
 
 void DatagramSender::transmit(std::span<const std::byte> datagram) {
-  // Datagrams that are sent without pacing may fill the interface's queue for a moment.
-  constexpr int attempts = 10;
+  // Datagrams that are sent without pacing may fill the interface's queue for a moment. A connection is waited for
+  // for 1 s in all, not for as long as for the queue with each datagram, whose time would pass.
+  const bool is_connected = port_.state() == PortState::ready;
+  const int attempts = is_connected ? 10 : std::clamp(attempts_to_connect_, 1, 10);
   const Frame frame{datagram};
+  count_unheard();
   for (int attempt = 0; attempt < attempts; ++attempt) {
     const std::uint64_t before = port_.counters().sent;
     port_.send({&frame, 1});
     if (port_.counters().sent != before) {
       ++counters_.sent;
       counters_.bytes += datagram.size();
+      attempts_to_connect_ = most_to_connect;
       return;
     }
+    if (attempts == 1) break;
     if (port_.state() == PortState::lost) break;
     pollfd room{port_.descriptor(), POLLOUT, 0};
     ::poll(&room, 1, 10);
+    if (!is_connected) --attempts_to_connect_;
   }
   ++counters_.refused;
 }

@@ -24,7 +24,8 @@ class DatagramSender {
   struct Counters {
     std::uint64_t sent = 0;  // datagrams that the kernel accepted, faulty ones included
     std::uint64_t bytes = 0;
-    std::uint64_t refused = 0;  // datagrams that the kernel did not accept
+    std::uint64_t refused = 0;  // datagrams that the kernel did not accept, for example without a connection
+    std::uint64_t unheard = 0;  // answers by UDP that nobody listens at that port
     std::uint64_t dropped = 0;  // faults made on purpose, as are the next three
     std::uint64_t duplicated = 0;
     std::uint64_t reordered = 0;
@@ -50,11 +51,15 @@ class DatagramSender {
 
  private:
   void transmit(std::span<const std::byte> datagram);
+  void count_unheard();
   std::optional<NativeAcknowledgement> wait_for_answer(std::uint32_t stream, std::uint32_t sequence, HostTime until);
 
   Port& port_;
   const Options options_;
   DatagramFaults faults_;
+  const bool is_datagram_socket_;
+  static constexpr int most_to_connect = 100;  // of 10 ms
+  int attempts_to_connect_ = most_to_connect;  // that are left
   Counters counters_;
   DurationHistogram lateness_;
   DurationHistogram round_trip_;
