@@ -160,6 +160,9 @@ Json load_json(const std::string& port, const LineLoad& load) {
   return json;
 }
 
+// The path of a file may be no UTF-8.
+void print_object(const Json& json) { fmt::print("{}\n", json.dump(2, ' ', false, Json::error_handler_t::replace)); }
+
 void print_json(const std::string& path, const Config& config) {
   std::ostringstream resolved;
   resolved << toml::json_formatter(toml::parse(config.resolved()));
@@ -220,12 +223,11 @@ void print_json(const std::string& path, const Config& config) {
                      {"buses", std::move(buses)},
                      {"running_keys", running_keys_json()},
                      {"config", Json::parse(resolved.str())}};
-  fmt::print("{}\n", json.dump(2));
+  print_object(json);
 }
 
 int print_faults(const std::string& path, const std::vector<std::string>& faults) {
-  const Json json = {{"path", path}, {"good", false}, {"faults", faults}};
-  fmt::print("{}\n", json.dump(2, ' ', false, Json::error_handler_t::replace));
+  print_object({{"path", path}, {"good", false}, {"faults", faults}});
   return 2;
 }
 

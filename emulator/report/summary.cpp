@@ -386,7 +386,9 @@ std::string json(const Summary& s, JsonLayout layout) {
   if (s.clock) all["clock"] = json(*s.clock);
   if (s.has_record) add_counts(all["record"], s.record);
   if (s.has_control) add_counts(all["control"], s.control);
-  return layout == JsonLayout::line ? all.dump() : all.dump(2) + "\n";
+  // The path of a file, in the words of a shortfall, may be no UTF-8.
+  constexpr auto replace = nlohmann::ordered_json::error_handler_t::replace;
+  return layout == JsonLayout::line ? all.dump(-1, ' ', false, replace) : all.dump(2, ' ', false, replace) + "\n";
 }
 
 }  // namespace imud

@@ -56,6 +56,19 @@ TEST_F(CheckTest, TheResolvedConfigurationIsTheSame) {
   EXPECT_GT(settings, 30U);
 }
 
+TEST_F(CheckTest, TheJsonOfAFileWhoseNameIsNoUtf8IsValid) {
+  const std::string text = minimal(*find_protocol("native"));
+  for (const bool is_good : {true, false}) {
+    const std::string file = write("caf\xE9.toml", is_good ? text : text + "x = 1\n");
+    const ProgramResult result = run_program("imud", {"check", file, "--json"});
+    EXPECT_EQ(result.exit_code, is_good ? 0 : 2) << result.errors;
+    const auto json = nlohmann::json::parse(result.output, nullptr, false);
+    ASSERT_FALSE(json.is_discarded()) << result.output;
+    EXPECT_EQ(json["path"], path("caf\xEF\xBF\xBD.toml"));
+    EXPECT_EQ(json["good"], is_good);
+  }
+}
+
 TEST_F(CheckTest, EveryKeyThatIsGivenIsResolved) {
   std::size_t formats = 0;
   for (const TruthFormat* format : truth_formats()) {
