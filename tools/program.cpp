@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <csignal>
 #include <cstdio>
 #include <cstring>
 #include <exception>
@@ -21,6 +22,7 @@ std::optional<int> parse(CLI::App& app, int argc, char** argv) {
 
 int run_tool(std::string_view name, int (*execute)(int argc, char** argv, bool& running), int argc, char** argv) {
   open_closed_streams();
+  std::signal(SIGXFSZ, SIG_IGN);  // a write beyond the limit of file sizes then fails, as on a full disk
   bool running = false;
   int exit_code = 0;
   try {

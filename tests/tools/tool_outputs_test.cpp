@@ -1,4 +1,5 @@
 // The outputs of the tools do not overwrite the files that the tools read.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <filesystem>
@@ -54,6 +55,16 @@ TEST_F(ToolOutputs, StayIfTheCommandLineIsWrong) {
   const std::string json = folder / "report.json";
   std::ofstream(json) << "old";
   expect_refused("imu-decode", {"native", "file:" + data, "--json", json, "--imu", "imu1"}, json, "--imu: is for");
+}
+
+// setrlimit(2): a write beyond RLIMIT_FSIZE raises SIGXFSZ, which ends a process that has not chosen otherwise.
+TEST_F(ToolOutputs, ALimitOfFileSizesIsAnError) {
+  for (const std::string& output : {"--csv " + (folder / "truth.csv"), "--csv - > " + (folder / "output.csv")}) {
+    const ProgramResult result = run_program(
+        "/bin/sh", {"-c", fmt::format("ulimit -f 8; exec {}/imu-truth spiral --for 100 {}", IMUD_BIN_DIR, output)});
+    EXPECT_EQ(result.exit_code, 1) << output;
+    EXPECT_TRUE(contains(result.errors, "File too large")) << result.errors;
+  }
 }
 
 }  // namespace
