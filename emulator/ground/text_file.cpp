@@ -82,6 +82,16 @@ void TextFile::write(std::string_view text) {
   }
 }
 
+void TextFile::append(std::string_view text) {
+  const off_t begin = is_regular() ? ::lseek(file_.get(), 0, SEEK_END) : -1;
+  try {
+    write(text);
+  } catch (const std::runtime_error&) {
+    if (begin >= 0 && ::ftruncate(file_.get(), begin) == 0) ::lseek(file_.get(), begin, SEEK_SET);
+    throw;
+  }
+}
+
 bool TextFile::is_regular() const noexcept {
   struct stat status {};
   return path_ != "-" && ::fstat(file_.get(), &status) == 0 && S_ISREG(status.st_mode);

@@ -26,6 +26,9 @@ class TextFile {
   // Writes all of it, and waits for a slow reader. A reader that has closed its end is no error. Throws
   // std::runtime_error, which names the file and the cause.
   void write(std::string_view text);
+  // Writes text at the end of a regular file: all of it, or, after an error, nothing, so that what follows does not
+  // continue a line that was cut. Writes to anything else as write() does. Throws as write() does.
+  void append(std::string_view text);
   // Returns false if write() would wait for the reader of a pipe. If true, a text of up to 4096 bytes (PIPE_BUF) does
   // not wait.
   bool has_room() const noexcept;
@@ -33,9 +36,7 @@ class TextFile {
   bool is_regular() const noexcept;
   // Replaces the content of a regular file, which is never empty meanwhile; writes to anything else as write() does.
   void replace(std::string_view text);
-  // Closes the file; then write() writes nothing.
-  void close() noexcept { file_.reset(); }
-  // Opens the file again, also after close(); creates it if it was renamed or removed. Its content stays. Throws
+  // Opens the file again; creates it if it was renamed or removed. Its content stays. Throws
   // OpenError. Standard streams stay as they are.
   void reopen();
 

@@ -113,18 +113,18 @@ Summary Monitor::finish(std::string capture_warning) {
   return all;
 }
 
-// A failure ends the output of figures, not the run.
+// After a failure, as of a full disk, the next line is tried as usual: the disk may have room again.
 void Monitor::write_quality(const Summary& all) {
   if (!quality_.has_room()) {  // the thread that waits for signals must not wait for a reader
     quality_error_ = fmt::format("{}: its reader is too slow; lines of figures are missing", options_.quality_file);
     return;
   }
   try {
-    quality_.write(json(all.since(last_quality_), JsonLayout::line) + "\n");
+    quality_.append(json(all.since(last_quality_), JsonLayout::line) + "\n");
+    if (std::exchange(quality_fails_, false)) spdlog::info("{}: takes figures again", options_.quality_file);
   } catch (const std::runtime_error& error) {
     quality_error_ = error.what();
-    spdlog::error("{}", quality_error_);
-    quality_.close();
+    if (!std::exchange(quality_fails_, true)) spdlog::error("{}; tried again each second", quality_error_);
   }
 }
 

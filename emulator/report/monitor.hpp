@@ -94,6 +94,7 @@ class Monitor {
   std::vector<double> line_loads_;
   TextFile quality_;
   std::string quality_error_;
+  bool quality_fails_ = false;       // at the last line
   Summary last_quality_, last_log_;  // at the last line of each
   Rise runs_, stops_, returns_, pauses_, leaps_, disconnections_, delay_raises_;
   std::uint64_t described_ = 0;              // resumptions that the line about their pause reports

@@ -3,9 +3,11 @@
 
 #include <spdlog/sinks/ostream_sink.h>
 #include <spdlog/spdlog.h>
+#include <sys/resource.h>
 
 #include <array>
 #include <chrono>
+#include <csignal>
 #include <filesystem>
 #include <memory>
 #include <optional>
@@ -309,7 +311,7 @@ TEST_F(MonitorTest, AQualityFileThatCannotBeWrittenIsAnError) {
   EXPECT_THROW(monitor({.log_every_s = 0, .quality_file = path("no/such/folder")}), std::runtime_error);
 }
 
-// A write fails, which ends the output; the file is whole again, and rotated.
+// A write fails; the file is whole again, and rotated.
 TEST_F(MonitorTest, AfterAFailedWriteTheQualityFileIsOpenedAgain) {
   std::filesystem::create_symlink("/dev/full", path("quality.jsonl"));
   Monitor monitor = this->monitor({.log_every_s = 0, .quality_file = path("quality.jsonl")});
@@ -322,6 +324,46 @@ TEST_F(MonitorTest, AfterAFailedWriteTheQualityFileIsOpenedAgain) {
   monitor.reopen();
   monitor.finish({});
   EXPECT_EQ(lines_of(read_file(path("quality.jsonl"))).size(), 1U);
+}
+
+// As on a disk that is full for a while: a line is cut, and later lines are whole.
+TEST_F(MonitorTest, AFullDiskCutsNoLineOfTheQualityFile) {
+  const std::string file = path("quality.jsonl");
+  Monitor monitor =
+      this->monitor({.log_every_s = 0, .quality_file = file, .first_truth_s = 3600, .wrong_speed_s = 0});
+  const auto update_until = [&](const auto& done) {
+    for (const HostTime begin = host_now(); !done() && seconds(host_now() - begin) < 60;) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(50));
+      monitor.update();
+    }
+  };
+  update_until([&] { return std::filesystem::file_size(file) > 0; });
+  const std::uintmax_t size = std::filesystem::file_size(file);
+  ASSERT_GT(size, 200U);
+  logged();
+
+  const auto handler = std::signal(SIGXFSZ, SIG_IGN);
+  rlimit before{};
+  ASSERT_EQ(::getrlimit(RLIMIT_FSIZE, &before), 0);
+  const rlimit full{size + 100, before.rlim_max};
+  ASSERT_EQ(::setrlimit(RLIMIT_FSIZE, &full), 0);
+  update_until([&] { return !monitor.quality_error().empty(); });
+  ::setrlimit(RLIMIT_FSIZE, &before);
+  std::signal(SIGXFSZ, handler);
+  const std::string error = file + ": cannot be written: File too large";
+  EXPECT_EQ(monitor.quality_error(), error);
+  EXPECT_EQ(logged(), Lines{"error " + error + "; tried again each second"});
+  EXPECT_EQ(std::filesystem::file_size(file), size);
+
+  monitor.reopen();
+  update_until([&] { return std::filesystem::file_size(file) > size; });
+  EXPECT_EQ(logged(), (Lines{"info SIGHUP: the file of the figures is opened again",
+                             "info " + file + ": takes figures again"}));
+  const Lines lines = lines_of(read_file(file));
+  ASSERT_EQ(lines.size(), 2U);
+  for (const std::string& line : lines)
+    EXPECT_FALSE(nlohmann::json::parse(line, nullptr, false).is_discarded()) << line;
+  EXPECT_EQ(monitor.quality_error(), error) << "lines are missing";
 }
 
 TEST_F(MonitorTest, TwoProcessesDoNotWriteOneFile) {
