@@ -1,11 +1,15 @@
 #include "emulator/report/log.hpp"
 
+#include <fmt/format.h>
+#include <poll.h>
 #include <spdlog/pattern_formatter.h>
 #include <spdlog/sinks/stdout_color_sinks.h>
 #include <spdlog/spdlog.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <atomic>
+#include <cstdint>
 #include <cstdlib>
 #include <iterator>
 #include <memory>
@@ -44,6 +48,28 @@ class Removal final : public spdlog::custom_flag_formatter {
   std::unique_ptr<custom_flag_formatter> clone() const override { return std::make_unique<Removal>(); }
 };
 
+// Leaves lines out while the reader of standard error takes none, such as a stopped terminal or pager: the thread
+// that logs also serves clients and signals. The first line waits a while for a reader that is only slow.
+class PatientSink final : public spdlog::sinks::stderr_color_sink_mt {
+ public:
+  using Base = spdlog::sinks::stderr_color_sink_mt;
+  void log(const spdlog::details::log_msg& message) override {
+    constexpr int longest_ms = 1000;
+    pollfd output{STDERR_FILENO, POLLOUT, 0};
+    if (::poll(&output, 1, lost_ > 0 ? 0 : longest_ms) == 0) {
+      ++lost_;
+      return;
+    }
+    if (const std::uint64_t lost = lost_.exchange(0); lost > 0)
+      Base::log({message.logger_name, spdlog::level::warn,
+                 fmt::format("{} lines of the log were lost: its reader has taken none", lost)});
+    Base::log(message);
+  }
+
+ private:
+  std::atomic<std::uint64_t> lost_ = 0;
+};
+
 thread_local LogFields::Values fields;
 
 }  // namespace
@@ -54,7 +80,7 @@ LogFields::~LogFields() { fields = before_; }
 LogFields::Values LogFields::now() noexcept { return fields; }
 
 void set_up_log(LogLevel level) {
-  const auto sink = std::make_shared<spdlog::sinks::stderr_color_sink_mt>();
+  const auto sink = std::make_shared<PatientSink>();
   std::shared_ptr<spdlog::sinks::sink> chosen = sink;
   auto formatter = std::make_unique<spdlog::pattern_formatter>();
   if (is_journal(STDERR_FILENO)) {

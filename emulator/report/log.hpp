@@ -10,7 +10,8 @@ enum class LogLevel { quiet, normal, verbose };  // from warnings, from informat
 // Sets spdlog up. A terminal or a file gets the time in ISO 8601 and the level in each line, a terminal in colour
 // unless NO_COLOR is set. If standard error is systemd's journal (JOURNAL_STREAM, systemd.exec(5)), the journal gets
 // each message with its priority and the fields of LogFields; while it cannot be reached, a line begins with the
-// priority, such as "<4>" (sd-daemon(3)). May be called again.
+// priority, such as "<4>" (sd-daemon(3)). Lines that the reader of standard error does not take within a second are
+// left out and counted. May be called again.
 void set_up_log(LogLevel level = LogLevel::normal);
 
 // While a LogFields exists, the messages that its thread logs concern this imu and this counter: in the journal

@@ -1,6 +1,8 @@
 // The log: its levels, the form of its lines, and the progress of a replay.
+#include <fcntl.h>
 #include <unistd.h>
 
+#include <array>
 #include <regex>
 
 #include "tests/emulator/run/run_test.hpp"
@@ -54,6 +56,29 @@ TEST_F(LogTest, QuietAndVerbose) {
   EXPECT_TRUE(any_contains(lines, " info ready"));
   EXPECT_FALSE(any_contains(log({}), " debug "));
   EXPECT_EQ(run_program("imud", {"run", "-q", "-v", path("config.toml")}).exit_code, 2);
+}
+
+// As a terminal after Ctrl-S, or a pager that nobody scrolls.
+TEST_F(LogTest, AReaderThatTakesNothingDoesNotHoldTheRunUp) {
+  std::array<int, 2> ends{};
+  ASSERT_EQ(::pipe2(ends.data(), O_CLOEXEC | O_NONBLOCK), 0);
+  const FileDescriptor reader(ends[0]), writer(ends[1]);
+  const std::string filling(4096, 'x');
+  while (::write(writer.get(), filling.data(), filling.size()) > 0) continue;
+  const std::string file = config("realtime", "udp:127.0.0.1:0", "native", 100, "native", "file:" + path("out"));
+  Program imud("/bin/sh");
+  imud.start({"-c", fmt::format("exec {}/imud run {} --set control.socket=none --log-every 0.1 --for 3 --summary {} "
+                                "2> /proc/{}/fd/{}",
+                                IMUD_BIN_DIR, file, path("summary.json"), ::getpid(), writer.get())});
+  ASSERT_TRUE(eventually([&] { return !read_file(path("summary.json")).empty(); })) << "the run does not begin";
+  std::string text, piece(4096, ' ');
+  const auto is_reported = [&] {
+    for (ssize_t size = 0; (size = ::read(reader.get(), piece.data(), piece.size())) > 0;)
+      text.append(piece, 0, static_cast<std::size_t>(size));
+    return contains(text, " lines of the log were lost: its reader has taken none");
+  };
+  EXPECT_TRUE(eventually(is_reported)) << text.substr(text.find_last_of('x') + 1);
+  EXPECT_EQ(imud.wait(), 0);
 }
 
 // tests/service/service_test.py has the entries with fields.
