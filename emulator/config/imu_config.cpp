@@ -281,9 +281,12 @@ void read_errors(TableReader& table, const std::optional<Product>& product, cons
     for (TriadErrors* errors : {&*gyro, &*accelerometer, inclinometer ? &*inclinometer : nullptr})
       if (errors != nullptr && errors->walk_transition.isZero(0.0))
         errors->walk_sqrt_cov *= std::sqrt(imu.model.internal_samples);
-  imu.model.gyro = read_gyro(table.child("gyro"), gyro ? &*gyro : nullptr, internal_hz, gyro_density);
-  imu.model.accelerometer = read_accelerometer(
-      table.child("accelerometer"), accelerometer ? &*accelerometer : nullptr, internal_hz, accelerometer_density);
+  // The right protocol may have ranges of its own: without it, they are not reported as missing.
+  const TriadErrors unknown;
+  const TriadErrors* const absent = imu.protocol == nullptr ? &unknown : nullptr;
+  imu.model.gyro = read_gyro(table.child("gyro"), gyro ? &*gyro : absent, internal_hz, gyro_density);
+  imu.model.accelerometer = read_accelerometer(table.child("accelerometer"), accelerometer ? &*accelerometer : absent,
+                                               internal_hz, accelerometer_density);
   CurrentField current;
   imu.model.magnetometer = read_magnetometer(table.child("magnetometer"), &magnetometer, imu.rate_hz, current);
   imu.model.current_field = current.field;
@@ -362,7 +365,7 @@ ImuConfig read_imu(TableReader& table, std::size_t index, const TruthConfig& tru
     // A description that could not be read may state the rate. That rate_hz is missing is then not reported.
     const bool is_unread = device && imu.settings.frames() == nullptr &&
                            std::ranges::any_of(imu.protocol->settings, &Setting::names_frames);
-    if (own == 0 && !is_unread) require(table, "rate_hz", "the sensor's output rate");
+    if (own == 0 && !is_unread && imu.protocol != nullptr) require(table, "rate_hz", "the sensor's output rate");
     imu.rate_hz = table.real("rate_hz", own == 0 ? 100.0 : own, Grid::min_rate_hz, Grid::max_rate_hz);
   }
   if (device && imu.protocol->check != nullptr) {

@@ -70,6 +70,16 @@ TEST_F(ConfigTest, AnOverrideOfATextNeedsNoQuotes) {
   EXPECT_TRUE(fault(good, {"control.name=1.5"}).ends_with("give at most 40 letters, digits, - and _"));
 }
 
+// The right protocol may have a rate and ranges of its own.
+TEST_F(ConfigTest, OfAnUnknownProtocolNothingElseIsMissing) {
+  const std::string short_one = "[truth]\nport = \"udp:127.0.0.1:9810\"\n[[imu]]\nport = \"pty:imu1\"\n";
+  EXPECT_EQ(fault(short_one), "3: imu.0.protocol: missing; give one that `imud list` shows");
+  EXPECT_TRUE(
+      fault(short_one + "protocol = \"stim30\"\n").starts_with("5: imu.0.protocol: there is no \"stim30\"; "));
+  EXPECT_EQ(fault(short_one + "protocol = \"stim300\"\n"), "0 faults");
+  EXPECT_EQ(fault(short_one + "protocol = \"native\"\n"), "3 faults");
+}
+
 TEST_F(ConfigTest, DefaultsAreTheContracts) {
   const Config c = load(good);
   EXPECT_EQ(c.seed, 7U);
@@ -486,8 +496,8 @@ port = "pty:a"
 gyro.max_rad_per_s = inf
 accelerometer.max_m_per_s2 = 1
 )");
-  // seed, clock, colour, truth.port; imu.0: rate_hz, protocol, port, two max; imu.1: name, max.
-  EXPECT_EQ(all.size(), 11U) << fmt::format("{}", fmt::join(all, "\n"));
+  // seed, clock, colour, truth.port; imu.0: rate_hz, protocol, port; imu.1: name, max.
+  EXPECT_EQ(all.size(), 9U) << fmt::format("{}", fmt::join(all, "\n"));
 }
 
 TEST_F(ConfigTest, ARateThatTheLineCannotCarryIsAFault) {
