@@ -5,6 +5,8 @@
 
 #include <algorithm>
 #include <array>
+#include <filesystem>
+#include <fstream>
 #include <iostream>
 #include <iterator>
 #include <nlohmann/json.hpp>
@@ -29,14 +31,30 @@ std::string sha256(const std::string& bytes) {
 
 namespace {
 
+// Returns true for a file that begins as a capture: pcap of either byte order, with microseconds or nanoseconds;
+// pcapng; gzip (RFC 1952); zstd (RFC 8878). No text of TOML begins so.
+bool is_captured(const std::string& path) {
+  constexpr std::string_view begins[] = {"\xA1\xB2\xC3\xD4", "\xD4\xC3\xB2\xA1", "\xA1\xB2\x3C\x4D",
+                                         "\x4D\x3C\xB2\xA1", "\n\r\r\n",         "\x1F\x8B",
+                                         "\x28\xB5\x2F\xFD"};
+  std::error_code none;
+  if (!std::filesystem::is_regular_file(path, none)) return false;  // the begin of a pipe cannot be read twice
+  std::array<char, 4> first{};
+  std::ifstream(path, std::ios::binary).read(first.data(), first.size());
+  const std::string_view text(first.data(), first.size());
+  return std::ranges::any_of(begins, [&](std::string_view begin) { return text.starts_with(begin); });
+}
+
 // Returns the file's content, or the configuration in a record. Throws std::system_error, or std::invalid_argument
-// if the record contains no configuration.
+// if the file is a capture, or a record without a configuration.
 std::string read_file(const std::string& path) {
   if (auto config = recorded_config(path)) {
     if (config->empty()) throw std::invalid_argument("is not in this record; give that of its run");
     return *std::move(config);
   }
   if (path == "-") return {std::istreambuf_iterator<char>(std::cin), {}};
+  if (is_captured(path))
+    throw std::invalid_argument("this is a capture; give the configuration first: imud replay imu.toml flight.pcap");
   return read_whole(path);
 }
 

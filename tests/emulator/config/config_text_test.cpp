@@ -82,6 +82,23 @@ TEST_F(ConfigTextTest, WhatIsWrongWithTheFileIsNamed) {
   EXPECT_TRUE(contains(faults_.all().back(), "cannot be read: File too large"));
 }
 
+// As in `imud replay flight.pcap imu.toml`.
+TEST_F(ConfigTextTest, ACaptureIsNotReadAsAConfiguration) {
+  std::size_t captures = 0;
+  for (const auto& entry : std::filesystem::directory_iterator(IMUD_SOURCE_DIR "/tests/captures")) {
+    const std::string name = entry.path().filename();
+    if (name.find(".pcap") == name.npos) continue;
+    ++captures;
+    faults_ = Faults(entry.path());
+    EXPECT_THROW(read_config_text(entry.path(), {}, faults_), ConfigError) << name;
+    ASSERT_EQ(faults_.all().size(), 1U) << name;
+    EXPECT_TRUE(contains(faults_.all()[0], "this is a capture; give the configuration first")) << faults_.all()[0];
+  }
+  EXPECT_GE(captures, 2U);
+  EXPECT_TRUE(contains(fault_of("\x1F\x8B\x08"), "this is a capture")) << "gzip";
+  EXPECT_FALSE(contains(fault_of("\n\r\n[imu"), "this is a capture"));
+}
+
 TEST_F(ConfigTextTest, AllErrorsOfSyntaxAreNamedAtOnce) {
   std::ofstream(path_) << ("seed = 1\n[truth\nport = udp\n[[imu]]\nrate_hz = 2..5\nname = \"a\"\nname = \"b\"\n");
   EXPECT_THROW(read_config_text(path_, {}, faults_), ConfigError);
