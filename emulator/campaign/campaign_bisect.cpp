@@ -66,7 +66,7 @@ class AxisSearch {
          one = std::adjacent_find(one + 1, points.end(), differ))
       others.push_back(fmt::format("{} again at {}", (one + 1)->passes ? "passes" : "fails", (one + 1)->text));
     if (!others.empty()) text += fmt::format("\r  not monotone: it {}", fmt::join(others, ", "));
-    return text + fmt::format("\r  imud campaign repeat {} {} --axis {} --record case_{}.pcapng", shell_word(plan),
+    return text + fmt::format("\r  imud campaign repeat {} {} --axis {} --record case_{}.pcapng", path_word(plan),
                               index_, shell_word(axis_ + "=" + (low.passes ? high : low).text), index_);
   }
 

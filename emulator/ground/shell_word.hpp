@@ -15,4 +15,9 @@ inline std::string shell_word(std::string_view text) {
   return word + "'";
 }
 
+// Returns the path of a file as one word. A path such as -a.toml would be an option: ./-a.toml is the same file.
+inline std::string path_word(std::string_view path) {
+  return shell_word(path.size() > 1 && path.front() == '-' ? "./" + std::string(path) : std::string(path));
+}
+
 }  // namespace imud

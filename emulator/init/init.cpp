@@ -75,7 +75,7 @@ std::string borrowed_errors(const ChosenProduct& product) {
 
 // Returns the file of the configuration as a word of a command.
 std::string file_word(const InitOptions& options) {
-  return is_standard_output(options.output) ? "FILE" : shell_word(options.output);
+  return is_standard_output(options.output) ? "FILE" : path_word(options.output);
 }
 
 // Prints the next steps for this choice: to standard error if standard output has the configuration.
@@ -118,6 +118,11 @@ ChosenProduct choose_product(const std::string& name) {
       if (unit == lower) return {protocol, lower};
       known.emplace_back(unit);
     }
+  if (std::ranges::find(presets(), lower, &Preset::name) != presets().end())
+    throw OpenError(fmt::format(
+        "there is no product \"{0}\", but the preset of its errors: choose the product whose messages are "
+        "sent, and give model = \"{0}\" in [[imu]]",
+        lower));
   throw OpenError(
       fmt::format("there is no product \"{}\"; {}", name, suggestion(lower, known, "imud list shows all")));
 }

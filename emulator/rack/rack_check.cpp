@@ -22,7 +22,7 @@ Config load_run(const RackRun& run) {
     throw ConfigError(
         {fmt::format("{}: is the record of a run; give its configuration, which `imud check {} --toml` "
                      "prints",
-                     run.file, shell_word(run.file))});
+                     run.file, path_word(run.file))});
   const std::string name = "control.name=" + run.name;
   Config config = load_config(run.file, std::span(&name, 1));
   Assembly(config, no_ports);

@@ -126,7 +126,7 @@ std::string objections(const Rack& rack, const std::vector<HostAnswer>& answers)
       if (answer.has("other " + run.name))
         all +=
             fmt::format("{}: {} runs already, with another configuration than {}; stop it first: imud rack stop {}\n",
-                        host.name, run.text(), run.file, shell_word(rack.file));
+                        host.name, run.text(), run.file, path_word(rack.file));
     }
   }
   if (versions.size() > 1) {
@@ -184,7 +184,7 @@ int rack_start(const std::string& path) {
   if (is_whole) return 0;
   fmt::print(stderr,
              "those that have started go on; repeat imud rack start {0} for the others, or imud rack stop {0}\n",
-             shell_word(path));
+             path_word(path));
   return 1;
 }
 

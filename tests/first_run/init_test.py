@@ -180,6 +180,12 @@ class Options(InFolder):
             self.assertIn("While imud runs, start: ", done.stderr)
             self.assertNotRegex(done.stdout + done.stderr, r"check -|is written")
 
+    def test_a_file_whose_name_begins_as_an_option(self):
+        done = self.imud("init", "stim300", "--port", "pty:a", "--from", "imu-truth", "--output=-weird.toml")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertIn("\n  imud check ./-weird.toml ", done.stdout)
+        self.assertEqual(self.imud("check", "./-weird.toml").returncode, 0)
+
     def test_a_port_of_any_characters(self):
         for port in (r"pty:a\tb", 'pty:a"b', r"pty:a\\", "pty:a b"):
             truth = f"unix:{self.folder}/truth_{port[4:]}"
@@ -190,6 +196,7 @@ class Options(InFolder):
         for words, fault in (((), "PRODUCT, --port PORT, --from SIMULATOR are missing"),
                              (("stim300", "--port", "pty:a"), "--from SIMULATOR is missing"),
                              (("stim30", "--port", "pty:a", "--from", "jsbsim"), 'did you mean "stim300"?'),
+                             (("adis16470", "--port", "pty:a", "--from", "jsbsim"), 'give model = "adis16470" in [[imu]]'),
                              (("vn200", "--port", "pty:a", "--from", "jsbsim"), 'did you mean "vn-200"?'),
                              (("stim300", "--port", "pty:a", "--from", "jsbsin"), 'did you mean "jsbsim"?'),
                              (("stim300", "--port", "can:can0", "--from", "jsbsim"), "is on a serial line"),

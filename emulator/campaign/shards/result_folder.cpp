@@ -132,10 +132,10 @@ ResultFolder::ResultFolder(const std::filesystem::path& path, const CampaignDesc
   }
 }
 
-std::string ResultFolder::resume_command() const { return "imud campaign resume " + shell_word(path_.string()); }
+std::string ResultFolder::resume_command() const { return "imud campaign resume " + path_word(path_.string()); }
 
 std::string ResultFolder::repeat_command(std::uint64_t index) const {
-  return fmt::format("imud campaign repeat {} {} --record case_{}.pcapng", shell_word(path_.string()), index, index);
+  return fmt::format("imud campaign repeat {} {} --record case_{}.pcapng", path_word(path_.string()), index, index);
 }
 
 void ResultFolder::keep_plan(std::string_view plan_text) const {
