@@ -116,6 +116,8 @@ void add_syntax_faults(std::string content, Faults& faults) {
       const std::string word = bare_word(content, line, column);
       std::string what = word.empty() ? open_text(content, error) : word;
       if (what.empty()) what = fmt::format("column {}: {}", column, error.description());
+      if (error.description().find("is not representable in 64 bits") != std::string_view::npos)
+        what += "; a seed above 9223372036854775807 is given in quotes";
       const bool has_text = clear_line(content, line);
       if (i > 0 && !has_text) return;
       if (i > 0) what += fmt::format(" (it may follow from line {})", first);

@@ -111,6 +111,11 @@ TEST_F(ConfigTextTest, AllErrorsOfSyntaxAreNamedAtOnce) {
   }
 }
 
+TEST_F(ConfigTextTest, ASeedBeyondTheIntegersOfTomlNeedsQuotes) {
+  EXPECT_TRUE(
+      fault_of("seed = 10000000000000000000\n").ends_with("; a seed above 9223372036854775807 is given in quotes"));
+}
+
 // It ends, whatever the file is.
 TEST_F(ConfigTextTest, AnErrorOfSyntaxAtTheEndIsNamedOnce) {
   std::ofstream(path_) << ("a = [1,\n2,\n");
