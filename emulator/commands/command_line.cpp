@@ -157,7 +157,8 @@ int execute(int argc, const char* const* argv) {
   };
   const auto with_run = [&](CLI::App* command, bool is_found) {
     with_config(command, is_found);
-    add(*command, "--for", arguments.run.duration_s, "SECONDS", "End after this many seconds")
+    add(*command, "--for", arguments.run.duration_s, "SECONDS",
+        "End after this many seconds; with --wait-for-reader, after the readers have come")
         ->check(number_check(1e-3, 1e9));
     with_output(command, "--summary", arguments.run.summary_file, "Also write the closing summary as JSON");
     with_require(command);
