@@ -88,10 +88,11 @@ std::string stop_script(const RackHost& host) {
 // Replaces the path of the copy that the host has checked by the path of the file on this machine.
 std::string with_local_name(std::string text, const RackRun& run) {
   const std::string copy = fmt::format(".{}.rack.toml", run.name);
-  for (std::size_t at = 0; (at = text.find(copy)) != text.npos;) {
+  for (std::size_t at = 0; (at = text.find(copy, at)) != text.npos;) {
     const std::size_t before = text.find_last_of(" \n\t", at);  // the whole path
     const std::size_t begin = before == text.npos ? 0 : before + 1;
     text.replace(begin, at + copy.size() - begin, run.file);
+    at = begin + run.file.size();  // the file's own path may contain the name of the copy
   }
   return text;
 }

@@ -266,6 +266,13 @@ class RackTest(unittest.TestCase):
         code, out, errors = self.imud("start", self.rack)
         self.assertEqual((code, out), (1, ""))
         self.assertIn("c: fin.toml is refused there:\n  fin.toml:3: truth.port: not there\nnothing was started\n", errors)
+        # The path of the file contains the name of the copy that the host has checked.
+        folder = self.folder / ".fin.rack.toml"
+        folder.mkdir()
+        (folder / "fin.toml").write_text(self.configuration("fin"))
+        code, out, errors = self.imud("start", self.write_rack("inner", c=[".fin.rack.toml/fin"]))
+        self.assertEqual((code, out), (1, ""))
+        self.assertIn("\n  .fin.rack.toml/fin.toml:3: truth.port: not there\nnothing was started\n", errors)
         (self.folder / "c/bin/imud").unlink()
         code, out, errors = self.imud("start", self.rack)
         self.assertIn("imud: not found; install imud there\nnothing was started\n", errors)
