@@ -11,6 +11,12 @@ constexpr std::uint64_t draw_of_begin = FaultKind::max_parameters, draw_of_durat
 
 // Compares numbers of samples modulo 2^64, because numbers of samples before the run are negative.
 bool is_before(std::uint64_t a, std::uint64_t b) noexcept { return static_cast<std::int64_t>(a - b) < 0; }
+
+// Returns the time `s` after `from`, rounded to the nearest ns. A fault without end ends 126 years later.
+Nanoseconds time_after(Nanoseconds from, double s) noexcept {
+  constexpr double longest_time_s = 4e9;
+  return from + nanoseconds(std::clamp(s, -longest_time_s, longest_time_s));
+}
 }  // namespace
 
 FaultSchedule::FaultSchedule(std::span<const FaultConfig> faults, std::span<const Normals> normals,
@@ -37,13 +43,13 @@ void FaultSchedule::insert(const State& state) noexcept {
 
 // The times of a fault before the first truth go on in the run, whose first sample is a period later.
 void FaultSchedule::go_on_after_rest(State& state) const noexcept {
-  const double shift_s = time_s_ + period_s_;
+  const Nanoseconds shift = time_after(time_, period_s_);
   state.first -= next_;  // modulo 2^64, as it is compared
   if (state.zero) *state.zero -= next_;
-  state.zero_s -= shift_s;
-  state.begin_s -= shift_s;
-  state.end_s -= shift_s;
-  if (state.effect) state.effect->until_s -= shift_s;
+  state.zero_time -= shift;
+  state.from -= shift;
+  state.end -= shift;
+  if (state.effect) state.effect->until_s -= seconds(shift);
 }
 
 void FaultSchedule::finish() noexcept {
@@ -97,7 +103,7 @@ double FaultSchedule::draw(const State& state, const FaultNumber& number, std::u
 }
 
 // Returns true if the next occurrence begins at this sample.
-bool FaultSchedule::begins(State& state, const Sample& sample, double time_s) noexcept {
+bool FaultSchedule::begins(State& state, const Sample& sample, Nanoseconds time) noexcept {
   const FaultConfig& fault = *state.fault;
   if (!state.zero || state.is_ended || (fault.times > 0 && state.occurrence >= fault.times)) return false;
   if (fault.begin_sample && is_before(next_, *state.zero + *fault.begin_sample)) return false;
@@ -105,9 +111,8 @@ bool FaultSchedule::begins(State& state, const Sample& sample, double time_s) no
   const std::uint64_t occurrence = state.occurrence;
   State first = state;
   first.occurrence = 0;
-  const double begin_s =
-      state.zero_s + draw(first, fault.begin_s, draw_of_begin) + static_cast<double>(occurrence) * fault.every_s;
-  if (!fault.begin_sample && time_s < begin_s) return false;
+  const double begin_s = draw(first, fault.begin_s, draw_of_begin) + static_cast<double>(occurrence) * fault.every_s;
+  if (!fault.begin_sample && time < time_after(state.zero_time, begin_s)) return false;
   if (fault.condition.quantity != FaultCondition::Quantity::none) {
     const Vector3& value =
         fault.condition.quantity == FaultCondition::Quantity::rate ? sample.rate : sample.specific_force;
@@ -116,7 +121,9 @@ bool FaultSchedule::begins(State& state, const Sample& sample, double time_s) no
     state.is_above = is_above;
     if (!rises) return false;
   }
-  state.begin_s = fault.begin_sample || fault.condition.quantity != FaultCondition::Quantity::none ? time_s : begin_s;
+  const bool is_by_time = !fault.begin_sample && fault.condition.quantity == FaultCondition::Quantity::none;
+  state.from = is_by_time ? state.zero_time : time;
+  state.begin_s = is_by_time ? begin_s : 0;
   return true;
 }
 
@@ -132,6 +139,7 @@ void FaultSchedule::begin(State& state) noexcept {
   state.first = next_;
   state.end_s = fault.has_duration ? state.begin_s + draw(state, fault.duration_s, draw_of_duration)
                                    : std::numeric_limits<double>::infinity();
+  state.end = time_after(state.from, state.end_s);
   state.active = {.kind = fault.kind,
                   .number = state.number,
                   .target = fault.target,
@@ -148,11 +156,11 @@ void FaultSchedule::end(State& state) noexcept {
   ++state.occurrence;
 }
 
-bool FaultSchedule::is_over(const State& state, std::uint64_t sample, double time_s) noexcept {
+bool FaultSchedule::is_over(const State& state, std::uint64_t sample, Nanoseconds time) noexcept {
   const FaultConfig& fault = *state.fault;
   if (fault.kind->is_event) return is_before(state.first, sample);
   if (fault.samples) return !is_before(sample, state.first + *fault.samples);
-  return time_s >= state.end_s;
+  return time >= state.end;
 }
 
 // A begin is logged with the sample that is taken, an end with the one before it, an effect with the last one.
@@ -167,7 +175,7 @@ void FaultSchedule::log(const State& state, FaultEvent::Kind kind) noexcept {
             .occurrence = is_effect ? state.effect->occurrence : state.occurrence,
             .sample = has_begun ? next_ : (next_ == 0 ? at_rest_ : next_) - 1,
             .counter = counter_,
-            .time_s = time_s_,
+            .time_s = seconds(time_),
             .device_time = device_time_,
             .parameters = state.active.parameters,
             .effect = is_effect ? state.effect->largest : SolutionErrors{}});
@@ -184,8 +192,8 @@ void FaultSchedule::judge(const SolutionErrors& errors) noexcept {
     if (state.is_active) {
       if (state.effect && state.effect->occurrence != state.occurrence) log_effect(state);
       if (!state.effect) state.effect = {.occurrence = state.occurrence, .until_s = 0};
-      state.effect->until_s = time_s_ + FaultEvent::effect_s;
-    } else if (state.effect && time_s_ > state.effect->until_s + 0.5 * period_s_) {
+      state.effect->until_s = seconds(time_) + FaultEvent::effect_s;
+    } else if (state.effect && seconds(time_) > state.effect->until_s + 0.5 * period_s_) {
       log_effect(state);
     }
     if (state.effect) state.effect->largest.raise_to(errors);
@@ -205,25 +213,25 @@ void FaultSchedule::take(const Sample& sample, Nanoseconds since_begin, std::opt
       if (state.is_added) go_on_after_rest(state);
     at_rest_ = std::exchange(next_, 0);
   }
-  take(sample, seconds(since_begin), utc_ns);
+  take_at(since_begin, sample, utc_ns);
 }
 
 void FaultSchedule::take_at_rest(const Sample& sample, Nanoseconds since,
                                  std::optional<std::int64_t> utc_ns) noexcept {
   is_resting_ = true;
-  take(sample, seconds(since), utc_ns);
+  take_at(since, sample, utc_ns);
 }
 
-void FaultSchedule::take(const Sample& sample, double time_s, std::optional<std::int64_t> utc_ns) noexcept {
+void FaultSchedule::take_at(Nanoseconds time, const Sample& sample, std::optional<std::int64_t> utc_ns) noexcept {
   if (states_.empty() && active_.empty()) {
     counter_ = sample.counter;
     device_time_ = sample.time;
-    time_s_ = time_s;
+    time_ = time;
     ++next_;
     return;
   }
   for (State& state : states_)
-    if (state.is_active && is_over(state, next_, time_s)) end(state);  // the log's figures are of the last sample
+    if (state.is_active && is_over(state, next_, time)) end(state);  // the log's figures are of the last sample
   std::erase_if(states_, [](const State& state) {
     const FaultConfig& fault = *state.fault;
     const bool is_over = state.is_ended || (fault.times > 0 && state.occurrence >= fault.times);
@@ -231,7 +239,7 @@ void FaultSchedule::take(const Sample& sample, double time_s, std::optional<std:
   });
   counter_ = sample.counter;
   device_time_ = sample.time;
-  const double step_s = time_s - std::exchange(time_s_, time_s);
+  const double step_s = seconds(time - std::exchange(time_, time));
   const bool has_leapt = next_ > 0 && step_s > 1.5 * period_s_;
   active_.clear();
   std::fill(std::begin(ranges_), std::end(ranges_), Range{});
@@ -241,15 +249,15 @@ void FaultSchedule::take(const Sample& sample, double time_s, std::optional<std:
       state.waits = false;
     if (!state.zero && !state.waits) {
       state.zero = next_;
-      state.zero_s = time_s;
+      state.zero_time = time;
     }
     // An occurrence that has ended between two samples acts on no sample. If several occurrences lie within a leap,
     // only the first is logged.
     bool is_logged = !has_leapt;
-    while (!state.is_active && begins(state, sample, time_s)) {
+    while (!state.is_active && begins(state, sample, time)) {
       begin(state);
       if (!state.is_active) continue;
-      if (!is_over(state, next_, time_s)) {
+      if (!is_over(state, next_, time)) {
         log(state, FaultEvent::Kind::begun);
         break;
       }
@@ -262,10 +270,11 @@ void FaultSchedule::take(const Sample& sample, double time_s, std::optional<std:
     ActiveFault& active = state.active;
     active.since = next_ - state.first;
     // The next sample may be later by the rounding of its time and by the error of the sensor's clock.
-    active.is_last = is_over(state, next_ + 1, time_s + 1.001 * period_s_);
+    active.is_last = is_over(state, next_ + 1, time_after(time, 1.001 * period_s_));
     active.weight = 1;
-    if (fault.ramp_in_s > 0) active.weight = std::min(1.0, (time_s - state.begin_s) / fault.ramp_in_s);
-    if (fault.ramp_out_s > 0) active.weight = std::min(active.weight, (state.end_s - time_s) / fault.ramp_out_s);
+    const double at_s = seconds(time - state.from);
+    if (fault.ramp_in_s > 0) active.weight = std::clamp((at_s - state.begin_s) / fault.ramp_in_s, 0.0, 1.0);
+    if (fault.ramp_out_s > 0) active.weight = std::clamp((state.end_s - at_s) / fault.ramp_out_s, 0.0, active.weight);
     Range& range = ranges_[static_cast<std::size_t>(active.kind->seam)];
     if (range.size == 0) range.begin = active_.size();
     ++range.size;

@@ -83,6 +83,7 @@ class FaultSchedule {
     double until_s;
     SolutionErrors largest = {};
   };
+  // Times are compared in whole ns.
   struct State {
     const FaultConfig* fault;
     std::uint32_t number;
@@ -90,15 +91,17 @@ class FaultSchedule {
     // The number and the time of the sample from which the times of the fault count. nullopt: the sample is not known
     // yet; it will be the next one at which `waits` is false.
     std::optional<std::uint64_t> zero = {};
-    double zero_s = 0;
+    Nanoseconds zero_time{0};
     bool is_ended = false;
     bool is_added = false;  // by add()
     bool waits = false;     // for the host
     HostBytesSearch search = {};
     bool is_active = false;
-    bool is_above = false;  // the condition held at the last sample
-    double begin_s = 0, end_s = 0;
-    std::uint64_t first = 0;  // its first sample
+    bool is_above = false;          // the condition held at the last sample
+    Nanoseconds from{0};            // the time from which begin and end count
+    double begin_s = 0, end_s = 0;  // of the occurrence, s after `from`
+    Nanoseconds end{0};             // the same end as a time
+    std::uint64_t first = 0;        // its first sample
     ActiveFault active = {};
     std::optional<Effect> effect = {};  // of the last occurrence, as long as it is judged
   };
@@ -106,14 +109,14 @@ class FaultSchedule {
     std::size_t begin = 0, size = 0;
   };
   double draw(const State& state, const FaultNumber& number, std::uint64_t parameter) const noexcept;
-  bool begins(State& state, const Sample& sample, double time_s) noexcept;
-  void take(const Sample& sample, double time_s, std::optional<std::int64_t> utc_ns) noexcept;
+  bool begins(State& state, const Sample& sample, Nanoseconds time) noexcept;
+  void take_at(Nanoseconds time, const Sample& sample, std::optional<std::int64_t> utc_ns) noexcept;
   void go_on_after_rest(State& state) const noexcept;
   void insert(const State& state) noexcept;
   void begin(State& state) noexcept;
   void end(State& state) noexcept;
   static State state_of(const FaultConfig& fault, std::uint32_t number) noexcept;
-  static bool is_over(const State& state, std::uint64_t sample, double time_s) noexcept;
+  static bool is_over(const State& state, std::uint64_t sample, Nanoseconds time) noexcept;
   void log(const State& state, FaultEvent::Kind kind) noexcept;
   void log_effect(State& state) noexcept;
 
@@ -128,7 +131,7 @@ class FaultSchedule {
   std::uint64_t at_rest_ = 0;  // how many samples were taken at rest
   std::uint64_t counter_ = 0;  // Sample::counter of the last sample
   DeviceTime device_time_;     // of that sample
-  double time_s_ = 0;          // since the begin of the run
+  Nanoseconds time_{0};        // since the begin of the run
   bool is_resting_ = false;    // before the first truth
   bool has_taken_ = false;     // a sample of the truth
   std::int32_t run_ = 0;

@@ -4,6 +4,8 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <chrono>
+#include <cmath>
 #include <fstream>
 #include <iterator>
 #include <span>
@@ -51,6 +53,37 @@ TEST_F(FaultScheduleTest, Occurrences) {
   const Result endless = run(bias + "at_s = 9.5\n");
   ASSERT_EQ(endless.labels.size(), 1U);
   EXPECT_EQ(endless.labels[0].last.sample, 5000U);
+}
+
+// The first and the last sample of each occurrence at 100 Hz, by [begin, end) in decimal numbers: sample k is at
+// k/100 s.
+TEST_F(FaultScheduleTest, TimesOnSamplesAreExact) {
+  struct Case {
+    std::string times;
+    double begin_s, every_s, for_s;
+    std::size_t count;
+  };
+  for (const Case& one : {Case{"at_s = 0\nevery_s = 0.1\nfor_s = 0.05\ntimes = 90\n", 0, 0.1, 0.05, 90},
+                          Case{"at_s = 0\nevery_s = 1.1\nfor_s = 0.07\ntimes = 15\n", 0, 1.1, 0.07, 15},
+                          Case{"at_s = 0.29\nevery_s = 0.7\nfor_s = 0.58\ntimes = 20\n", 0.29, 0.7, 0.58, 20},
+                          Case{"at_s = 4.44\nfor_s = 5.73\n", 4.44, 0, 5.73, 1}}) {
+    SCOPED_TRACE(one.times);
+    const Config config = load_config(write(
+        "times.toml", config_text(bias + one.times, "native", 1,
+                                  "rate_hz = 100\ngyro.max_rad_per_s = 10\naccelerometer.max_m_per_s2 = 100\n")));
+    FaultLog log;
+    const std::vector<Normals> normals = fault_normals("imu1", 1, config.faults.size());
+    FaultSchedule schedule(config.faults, normals, "imu1", 0, 100, log);
+    for (int k = 0; k < 2000; ++k) schedule.take(Sample{}, std::chrono::milliseconds(10 * k));
+    const std::vector<FaultLabel> labels = fault_labels(config.faults, std::vector<std::string>{"imu1"}, log);
+    ASSERT_EQ(labels.size(), one.count);
+    for (std::size_t i = 0; i < labels.size(); ++i) {
+      const auto sample_at = [](double s) { return static_cast<std::uint64_t>(std::llround(100 * s)); };
+      const std::uint64_t first = sample_at(one.begin_s) + i * sample_at(one.every_s);
+      EXPECT_EQ(labels[i].first.sample, first) << i;
+      EXPECT_EQ(labels[i].last.sample, first + sample_at(one.for_s) - 1) << i;
+    }
+  }
 }
 
 // A run that ended by itself is incomplete without it, unless the fault need not begin.
