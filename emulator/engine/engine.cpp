@@ -10,7 +10,7 @@ namespace imud {
 Engine::Engine(const Config& config, const Ports& ports, StepSink& sink, RunControl* control)
     : sink_(sink),
       control_(control),
-      faults_(config.faults, config.control.faults),
+      faults_(config.faults, config.control.faults, config.imus.size()),
       expectations_(config.expectations),
       when_stopped_(config.truth.when_stopped),
       timeline_(config.truth.limits),

@@ -21,9 +21,11 @@ class FaultBook {
  public:
   static constexpr std::size_t most_added = 1024;  // in a run
 
-  // `can_grow`: faults may be added.
-  FaultBook(const std::vector<FaultConfig>& configured, bool can_grow)
-      : log_(configured.empty() && !can_grow ? 0 : FaultLog::default_size), can_grow_(can_grow) {
+  // `can_grow`: faults may be added. `imus`: the number of imus.
+  FaultBook(const std::vector<FaultConfig>& configured, bool can_grow, std::size_t imus)
+      : log_(configured.empty() && !can_grow ? 0 : FaultLog::default_size,
+             configured.size() + (can_grow ? most_added : 0), imus),
+        can_grow_(can_grow) {
     faults_.reserve(configured.size() + (can_grow ? most_added : 0));
     faults_.insert(faults_.end(), configured.begin(), configured.end());
     texts_.reserve(can_grow ? most_added : 0);

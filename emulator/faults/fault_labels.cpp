@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
+#include "emulator/ground/plural.hpp"
 #include "protocols/wire/csv_field.hpp"
 
 namespace imud {
@@ -17,6 +18,8 @@ std::string_view word(FaultLabel::State state) {
       return "acted";
     case FaultLabel::State::passed_over:
       return "passed_over";
+    case FaultLabel::State::lost:
+      return "lost";
     case FaultLabel::State::never:
       break;
   }
@@ -25,6 +28,28 @@ std::string_view word(FaultLabel::State state) {
 
 // Returns the text of an error of a solution; empty if there is no error.
 std::string size_text(double size) { return size < 0 ? std::string() : fmt::format("{}", size); }
+
+std::uint64_t lost_by(const FaultLabel& label) {
+  return label.state == FaultLabel::State::lost ? label.first.occurrence + label.last.occurrence : 0;
+}
+
+// Adds a label for each fault and imu of which occurrences are not in the log.
+void add_lost(std::span<const FaultConfig> faults, std::span<const std::string> imus, const FaultLog& log,
+              std::vector<FaultLabel>& labels) {
+  for (std::size_t fault = 0; fault < faults.size(); ++fault)
+    for (std::size_t imu = 0; imu <= imus.size(); ++imu) {
+      const auto number = imu < imus.size() ? static_cast<std::uint16_t>(imu) : truth_number;
+      const FaultLog::Lost lost = log.lost(fault, number);
+      if (lost.acted + lost.passed_over == 0) continue;
+      FaultEvent acted;
+      acted.fault = static_cast<std::uint32_t>(fault);
+      acted.imu = number;
+      acted.occurrence = lost.acted;
+      FaultEvent passed_over = acted;
+      passed_over.occurrence = lost.passed_over;
+      labels.push_back({&faults[fault], imu_of(acted, imus), acted, passed_over, true, FaultLabel::State::lost});
+    }
+}
 
 }  // namespace
 
@@ -52,7 +77,16 @@ std::vector<FaultLabel> fault_labels(std::span<const FaultConfig> faults, std::s
     begin->last = event;
     begin->has_ended = true;
   }
+  if (log.lost() > 0) add_lost(faults, imus, log, labels);
   return labels;
+}
+
+std::string lost_text(std::span<const FaultLabel> labels) {
+  std::uint64_t lost = 0;
+  for (const FaultLabel& label : labels) lost += lost_by(label);
+  return lost == 0
+             ? std::string()
+             : fmt::format("{} of faults without a label: the log of faults is full", plural(lost, "occurrence"));
 }
 
 void add_never_begun(std::span<const FaultConfig> faults, std::vector<FaultLabel>& labels) {
@@ -74,6 +108,10 @@ std::vector<FaultOutcome> fault_outcomes(std::span<const FaultConfig> faults, st
       if (label.fault != &fault) continue;
       if (label.state == FaultLabel::State::acted) ++outcome.occurrences;
       if (label.state == FaultLabel::State::passed_over) outcome.is_passed_over = true;
+      if (label.state != FaultLabel::State::lost) continue;
+      outcome.occurrences += label.first.occurrence;
+      outcome.lost += label.first.occurrence;
+      if (label.last.occurrence > 0) outcome.is_passed_over = true;
     }
   }
   return all;
@@ -129,9 +167,11 @@ std::string labels_csv(std::span<const FaultLabel> labels, std::span<const Drawn
       "first_time_ns,last_time_ns,parameters,run,state,attitude_error_rad,velocity_error_m_per_s,position_error_m\n";
   for (const FaultLabel& label : labels) {
     if (seed) text += fmt::format("{},", *seed);
-    if (label.state == FaultLabel::State::never) {
-      text += fmt::format("{},{},{},{},,,,,,,,,,,,{},,,\n", csv_field(label.fault->name), csv_field(label.imu),
-                          label.fault->target_text(), label.fault->kind->name, word(label.state));
+    if (label.state == FaultLabel::State::never || label.state == FaultLabel::State::lost) {
+      const std::uint64_t lost = lost_by(label);
+      text += fmt::format("{},{},{},{},{},,,,,,,,,,,{},,,\n", csv_field(label.fault->name), csv_field(label.imu),
+                          label.fault->target_text(), label.fault->kind->name,
+                          lost > 0 ? fmt::to_string(lost) : std::string(), word(label.state));
       continue;
     }
     text += fmt::format("{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{}\n", csv_field(label.fault->name),
@@ -155,8 +195,9 @@ std::string labels_json(std::span<const FaultLabel> labels, std::span<const Draw
   nlohmann::ordered_json all = nlohmann::ordered_json::array();
   for (const FaultLabel& label : labels) {
     nlohmann::ordered_json parameters = nlohmann::ordered_json::object();
-    const bool is_never = label.state == FaultLabel::State::never;
-    for (std::size_t i = 0; i < label.fault->kind->parameters.size() && !is_never; ++i)
+    const std::uint64_t lost = lost_by(label);
+    const bool has_samples = label.state != FaultLabel::State::never && lost == 0;
+    for (std::size_t i = 0; i < label.fault->kind->parameters.size() && has_samples; ++i)
       parameters[std::string(label.fault->kind->parameters[i].key)] = label.first.parameters[i];
     nlohmann::ordered_json& one = all.emplace_back(nlohmann::ordered_json::object());
     if (seed) one["seed"] = *seed;
@@ -164,7 +205,8 @@ std::string labels_json(std::span<const FaultLabel> labels, std::span<const Draw
                 {"imu", label.imu},
                 {"target", label.fault->target_text()},
                 {"kind", label.fault->kind->name}});
-    if (is_never) {
+    if (!has_samples) {
+      if (lost > 0) one["occurrence"] = lost;
       one["state"] = word(label.state);
       continue;
     }

@@ -14,12 +14,16 @@
 
 namespace imud {
 
-// One occurrence of a fault on an imu, or a fault that never began there.
+// One occurrence of a fault on an imu, the occurrences there that are not in the log, or a fault that never began
+// there.
 struct FaultLabel {
   enum class State : std::uint8_t {
     acted,
     passed_over,  // the simulation's time leapt over the fault: `first` and `last` are of the sample after the leap
     never,        // the fault has never begun: `first` and `last` are of no sample
+    // The log had no room: `first.occurrence` is how many occurrences acted, `last.occurrence` how many were passed
+    // over.
+    lost,
   };
   const FaultConfig* fault = nullptr;
   std::string imu;
@@ -36,6 +40,7 @@ struct FaultOutcome {
       : name(fault.name), occurrences(occurred), may_fail_to_begin(fault.is_optional || fault.probability < 1) {}
   std::string name;
   std::uint64_t occurrences = 0;
+  std::uint64_t lost = 0;          // of these, how many are not in the log
   bool is_passed_over = false;     // an occurrence, by a leap of the simulation's time
   bool may_fail_to_begin = false;  // optional, or each occurrence has a probability
   bool has_begun() const noexcept { return occurrences > 0; }
@@ -43,11 +48,14 @@ struct FaultOutcome {
   std::string shortfall() const;
 };
 
-// Pairs begins and ends, in the order of the begins. `imus`: their names, by number.
+// Pairs begins and ends, in the order of the begins. Labels of lost occurrences follow. `imus`: their names, by
+// number.
 std::vector<FaultLabel> fault_labels(std::span<const FaultConfig> faults, std::span<const std::string> imus,
                                      const FaultLog& log);
 // Adds a label for each of the faults, on each of its imus, that has none.
 void add_never_begun(std::span<const FaultConfig> faults, std::vector<FaultLabel>& labels);
+// Describes the occurrences that are not in the log; empty if there are none.
+std::string lost_text(std::span<const FaultLabel> labels);
 std::vector<FaultOutcome> fault_outcomes(std::span<const FaultConfig> faults, std::span<const FaultLabel> labels);
 // Returns the numbers as drawn: "value=0.1 per_s=2".
 std::string parameters_text(const FaultConfig& fault, const FaultEvent& event);

@@ -151,7 +151,7 @@ void FaultSchedule::begin(State& state) noexcept {
 }
 
 void FaultSchedule::end(State& state) noexcept {
-  log(state, FaultEvent::Kind::ended);
+  if (state.is_logged) log(state, FaultEvent::Kind::ended);
   state.is_active = false;
   ++state.occurrence;
 }
@@ -164,26 +164,27 @@ bool FaultSchedule::is_over(const State& state, std::uint64_t sample, Nanosecond
 }
 
 // A begin is logged with the sample that is taken, an end with the one before it, an effect with the last one.
-void FaultSchedule::log(const State& state, FaultEvent::Kind kind) noexcept {
+// Returns false if the event is lost.
+bool FaultSchedule::log(const State& state, FaultEvent::Kind kind) noexcept {
   using Kind = FaultEvent::Kind;
   const bool has_begun = kind == Kind::begun || kind == Kind::passed_over, is_effect = kind == Kind::effect;
   const bool is_of_rest = is_resting_ || (next_ == 0 && !has_begun);
-  log_.add({.fault = state.number,
-            .imu = imu_,
-            .kind = kind,
-            .run = is_of_rest ? -1 : run_,
-            .occurrence = is_effect ? state.effect->occurrence : state.occurrence,
-            .sample = has_begun ? next_ : (next_ == 0 ? at_rest_ : next_) - 1,
-            .counter = counter_,
-            .time_s = seconds(time_),
-            .device_time = device_time_,
-            .parameters = state.active.parameters,
-            .effect = is_effect ? state.effect->largest : SolutionErrors{}});
+  return log_.add({.fault = state.number,
+                   .imu = imu_,
+                   .kind = kind,
+                   .run = is_of_rest ? -1 : run_,
+                   .occurrence = is_effect ? state.effect->occurrence : state.occurrence,
+                   .sample = has_begun ? next_ : (next_ == 0 ? at_rest_ : next_) - 1,
+                   .counter = counter_,
+                   .time_s = seconds(time_),
+                   .device_time = device_time_,
+                   .parameters = state.active.parameters,
+                   .effect = is_effect ? state.effect->largest : SolutionErrors{}});
 }
 
 void FaultSchedule::log_effect(State& state) noexcept {
   if (!state.effect) return;
-  log(state, FaultEvent::Kind::effect);
+  if (state.effect->is_logged) log(state, FaultEvent::Kind::effect);
   state.effect.reset();
 }
 
@@ -191,7 +192,7 @@ void FaultSchedule::judge(const SolutionErrors& errors) noexcept {
   for (State& state : states_) {
     if (state.is_active) {
       if (state.effect && state.effect->occurrence != state.occurrence) log_effect(state);
-      if (!state.effect) state.effect = {.occurrence = state.occurrence, .until_s = 0};
+      if (!state.effect) state.effect = {.occurrence = state.occurrence, .is_logged = state.is_logged, .until_s = 0};
       state.effect->until_s = seconds(time_) + FaultEvent::effect_s;
     } else if (state.effect && seconds(time_) > state.effect->until_s + 0.5 * period_s_) {
       log_effect(state);
@@ -258,7 +259,7 @@ void FaultSchedule::take_at(Nanoseconds time, const Sample& sample, std::optiona
       begin(state);
       if (!state.is_active) continue;
       if (!is_over(state, next_, time)) {
-        log(state, FaultEvent::Kind::begun);
+        state.is_logged = log(state, FaultEvent::Kind::begun);
         break;
       }
       if (!std::exchange(is_logged, true)) log(state, FaultEvent::Kind::passed_over);

@@ -80,6 +80,7 @@ class FaultSchedule {
   // The effect of an occurrence on the unit's own solution.
   struct Effect {
     std::uint64_t occurrence;
+    bool is_logged;  // the begin of the occurrence
     double until_s;
     SolutionErrors largest = {};
   };
@@ -97,6 +98,7 @@ class FaultSchedule {
     bool waits = false;     // for the host
     HostBytesSearch search = {};
     bool is_active = false;
+    bool is_logged = false;         // the begin of the occurrence, if `is_active`
     bool is_above = false;          // the condition held at the last sample
     Nanoseconds from{0};            // the time from which begin and end count
     double begin_s = 0, end_s = 0;  // of the occurrence, s after `from`
@@ -117,7 +119,7 @@ class FaultSchedule {
   void end(State& state) noexcept;
   static State state_of(const FaultConfig& fault, std::uint32_t number) noexcept;
   static bool is_over(const State& state, std::uint64_t sample, Nanoseconds time) noexcept;
-  void log(const State& state, FaultEvent::Kind kind) noexcept;
+  bool log(const State& state, FaultEvent::Kind kind) noexcept;
   void log_effect(State& state) noexcept;
 
   const std::span<const Normals> normals_;

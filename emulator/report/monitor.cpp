@@ -312,6 +312,8 @@ void Monitor::report_faults() {
     spdlog::info("{}", event_text(counters_.faults->all()[event.fault], imu_of(event, imu_names_), event));
     if (faults_reported_ + 1 == most) spdlog::info("further begins and ends of faults are not logged");
   }
+  if (counters_.faults->log().lost() > 0 && !std::exchange(are_faults_lost_, true))
+    spdlog::warn("the log of faults is full: further occurrences are counted, but have no labels");
 }
 
 void Monitor::report_port(ReportedPort& reported, const std::string& imu, const std::string& port,

@@ -102,6 +102,7 @@ class Monitor {
   bool no_truth_reported_ = false, has_truth_ = false, skipped_reported_ = false, refused_peer_reported_ = false;
   bool record_reported_ = false, delay_reported_ = false, extrapolation_reported_ = false;
   std::size_t faults_reported_ = 0;
+  bool are_faults_lost_ = false;  // reported
   const std::vector<std::string> imu_names_;
   // The reports so far: causes of refusal; imus that refuse edges; figures of products; the ports.
   std::vector<bool> remarks_, refusals_, edges_refused_;

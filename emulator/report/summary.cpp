@@ -192,6 +192,9 @@ std::string text(const Outcome& outcome) {
     if (!fault.has_begun())
       out += fmt::format("fault    {}: {}\n", fault.name,
                          fault.is_passed_over ? "passed over by a leap of the simulation's time" : "has never begun");
+    else if (fault.lost > 0)
+      out += fmt::format("fault    {}: {} of {} occurrences have no label: the log of faults is full\n", fault.name,
+                         fault.lost, fault.occurrences);
   for (const Expected& one : outcome.expected)
     out += fmt::format("expected {}: {}: {}, {}\n", one.name, one.text, one.holds ? "holds" : "FAILED", one.seen);
   return out;

@@ -326,7 +326,10 @@ int run(const Config& config, const RunOptions& options) {
         drawn_terms(config.imus[i].model, config.imus[i].seed.value_or(config.seed), config.imus[i].name);
   Outcome& outcome = summary.whole->outcome;
   outcome.expected = expected(engine.channels());
-  outcome.judge_faults(fault_outcomes(engine.faults().configured(), labels(engine, config)), options.repeats);
+  const std::vector<FaultLabel> all_labels = labels(engine, config);
+  outcome.judge_faults(fault_outcomes(engine.faults().configured(), all_labels), options.repeats);
+  if (std::string lost = lost_text(all_labels); !lost.empty() && !options.labels_file.empty())
+    outcome.shortfalls.push_back(std::move(lost));
   if (!all_read && is_capture(config.truth.port) && config.clock != ClockMode::realtime)
     outcome.shortfalls.emplace_back("a reader has not read all that was sent to it");
   if (std::string difference = assembly.difference(); !difference.empty())

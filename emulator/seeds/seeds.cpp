@@ -247,6 +247,8 @@ std::string Runs::end(Batch& batch, std::size_t run, Engine& engine, const std::
     outcome.judge_faults(std::move(faults), options_.repeats);
   else
     outcome.faults = std::move(faults);  // SeedResults judges the faults of all parts
+  if (std::string lost = lost_text(all); !lost.empty() && !options_.labels_file.empty())
+    outcome.shortfalls.push_back(std::move(lost));
   if (outcome.ended_by != EndedBy::failure) imud::commit(channels);
   if (arrays_)
     for (SeedArrays::Rows& rows : std::span(batch.rows).subspan(run * imus, imus))

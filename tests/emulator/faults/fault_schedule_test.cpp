@@ -274,6 +274,44 @@ TEST(FaultReadme, HasEveryKind) {
   }
 }
 
+// 20 occurrences on an imu: the log has room for the begins and ends of two, and keeps the room of the second's end.
+TEST_F(FaultScheduleTest, OccurrencesBeyondTheLogAreCounted) {
+  const Config config = load_config(
+      write("many.toml",
+            config_text(bias + "name = \"many\"\nat_s = 0.1\nevery_s = 0.5\nfor_s = 0.25\ntimes = 20\n" + bias +
+                            "name = \"late\"\nat_s = 5\n" + bias + "name = \"never\"\nat_s = 90\n",
+                        "native", 1, "rate_hz = 100\ngyro.max_rad_per_s = 10\naccelerometer.max_m_per_s2 = 100\n")));
+  for (const bool has_room : {true, false}) {
+    SCOPED_TRACE(has_room);
+    FaultLog log(has_room ? FaultLog::default_size : 5, config.faults.size(), 1);
+    const std::vector<Normals> normals = fault_normals("imu1", 1, config.faults.size());
+    FaultSchedule schedule(config.faults, normals, "imu1", 0, 100, log);
+    for (int k = 0; k < 2000; ++k) schedule.take(Sample{}, std::chrono::milliseconds(10 * k));
+    schedule.finish();
+    EXPECT_EQ(log.lost(), has_room ? 0U : 19U);
+    std::vector<FaultLabel> labels = fault_labels(config.faults, std::vector<std::string>{"imu1"}, log);
+    ASSERT_EQ(labels.size(), has_room ? 21U : 4U);
+    EXPECT_TRUE(std::ranges::all_of(labels, &FaultLabel::has_ended));
+    EXPECT_EQ(lost_text(labels),
+              has_room ? "" : "19 occurrences of faults without a label: the log of faults is full");
+    const std::vector<FaultOutcome> outcomes = fault_outcomes(config.faults, labels);
+    ASSERT_EQ(outcomes.size(), 3U);
+    EXPECT_EQ(outcomes[0].occurrences, 20U);
+    EXPECT_EQ(outcomes[0].lost, has_room ? 0U : 18U);
+    EXPECT_EQ(outcomes[1].occurrences, 1U);
+    EXPECT_EQ(outcomes[1].shortfall(), "");
+    EXPECT_EQ(outcomes[2].shortfall(), "fault never has never begun");
+    add_never_begun(config.faults, labels);
+    if (has_room) continue;
+    const std::vector<std::string> rows = lines_of(labels_csv(labels));
+    ASSERT_EQ(rows.size(), 6U);
+    EXPECT_EQ(rows[2].substr(0, rows[2].find(",6")), "many,imu1,gyro.x,bias,1") << rows[2];
+    EXPECT_EQ(rows[3], "many,imu1,gyro.x,bias,18,,,,,,,,,,,lost,,,");
+    EXPECT_EQ(rows[4], "late,imu1,gyro.x,bias,1,,,,,,,,,,,lost,,,");
+    EXPECT_EQ(rows[5], "never,imu1,gyro.x,bias,,,,,,,,,,,,never,,,");
+  }
+}
+
 // A client may begin faults of the same name, or this one again.
 TEST(FaultLabels, AFaultThatHasNotBegunIsNamedBesideAnotherOfItsName) {
   FaultConfig configured, of_client;

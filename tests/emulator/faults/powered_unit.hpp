@@ -78,7 +78,7 @@ class PoweredUnit {
     return answer;
   }
 
-  FaultBook book{{}, false};
+  FaultBook book{{}, false, 1};
   std::optional<Channel> channel;
   KeepingPort* inner = nullptr;
   std::uint64_t next = 0;
