@@ -252,6 +252,7 @@ struct Transport {
   bool makes_link = false;            // the path is a symbolic link, which a device's port makes
   bool reads_standard_input = false;  // as a listener at the address -
   bool has_private_copy = false;      // a port at another path serves to measure the duration of writes
+  bool has_readers = false;           // a process opens and closes the other end of a device's port
   Uart uart = Uart::none;             // if there is one, the options `baud`, `parity` and `stop` set it
 
   // Files that `imud replay` and `imu-truth capture` open by this transport if no transport is named: suffixes of

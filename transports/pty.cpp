@@ -405,6 +405,7 @@ extern constexpr Transport pty_transport = {
     .has_path = true,
     .makes_link = true,
     .has_private_copy = true,
+    .has_readers = true,
     .uart = Uart::emulated,
     .check = check,
     .open = open,

@@ -29,6 +29,7 @@ extern constexpr Transport tcp_transport = {
     .example = "tcp:127.0.0.1:10001",
     .document = "RFC 9293, tcp(7)",
     .brings_truth = true,
+    .has_readers = true,
     .check = check,
     .open = open,
     .tcp_port = tcp_port,

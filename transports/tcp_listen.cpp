@@ -42,6 +42,7 @@ extern constexpr Transport tcp_listen_transport = {
     .example = "tcp-listen:127.0.0.1:9810",
     .document = "RFC 9293, tcp(7)",
     .brings_truth = true,
+    .has_readers = true,
     .check = check,
     .open = open,
     .tcp_port = tcp_port,

@@ -22,6 +22,7 @@ extern constexpr Transport unix_transport = {
     .document = "unix(7)",
     .brings_truth = true,
     .has_path = true,
+    .has_readers = true,
     .check = check,
     .open = open,
 };

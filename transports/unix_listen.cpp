@@ -110,6 +110,7 @@ extern constexpr Transport unix_listen_transport = {
     .document = "unix(7)",
     .brings_truth = true,
     .has_path = true,
+    .has_readers = true,
     .check = check,
     .open = open,
 };

@@ -1,6 +1,7 @@
 #include "emulator/config/scenario.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <sstream>
@@ -41,6 +42,15 @@ std::string objection_of(const FaultConfig& fault, const ImuConfig& imu) {
   const std::string_view target = fault.kind->targets[fault.target];
   if (target == "inclinometer" && imu.model.inclinometer) return {};
   return fault_objection(*fault.kind, target, *imu.protocol, imu.settings);
+}
+
+// Returns why an expectation cannot hold on the port of its imu; empty if it can.
+std::string expect_objection(const ExpectConfig& expect, std::span<const ImuConfig> imus) {
+  const auto imu = std::ranges::find(imus, expect.imu, &ImuConfig::name);
+  const Transport* transport = imu == imus.end() ? nullptr : transport_of(imu->port);
+  if (expect.what != ExpectConfig::What::host_reopens || transport == nullptr || transport->has_readers) return {};
+  return fmt::format("\"host_reopens\" needs a port that its host opens; {} has no readers. Such ports are {}",
+                     imu->port, fmt::join(port_examples([](const Transport& one) { return one.has_readers; }), ", "));
 }
 
 constexpr std::string_view needs_host =
@@ -134,6 +144,9 @@ void read_scenarios(TableReader& table, std::span<const std::string> scenarios, 
     });
     read_each(from, "expect", of_file, resolved_expectations, [&](TableReader& reader) {
       config.expectations.push_back(read_expect(reader, config.expectations.size(), imus, config.faults));
+      if (const std::string wrong_port = expect_objection(config.expectations.back(), config.imus);
+          !wrong_port.empty())
+        reader.fault("what", wrong_port);
     });
   };
   read(table, faults);

@@ -34,7 +34,7 @@ class Expectations {
   void take(const FaultSchedule& schedule, double time_s) noexcept;
   // The host has sent bytes, after the last sample.
   void host_sent(std::span<const std::byte> bytes) noexcept;
-  // The state of the port.
+  // The state of the port, without the faults of its wire.
   void port_is(PortState state) noexcept;
   // Called after the last sample.
   std::vector<Expected> results() const;

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "emulator/imu/wire_port.hpp"
+
 namespace imud {
 
 Channel::Channel(const ImuConfig& config, std::size_t channel_number, std::uint64_t seed, const Ports& ports,
@@ -95,7 +97,7 @@ void Channel::encode(const Outgoing& outgoing, bool skipped) noexcept {
   const DeviceTime time = sample.time;
   is_discarded_ = outgoing.is_silent || skipped;
   if (faults) {
-    if (!faults->expectations().empty()) faults->expectations().port_is(lines.all()[0].port->state());
+    if (!faults->expectations().empty()) faults->expectations().port_is(lines.all()[0].wire->state_of_port());
     if (!faults->are_quiet()) unit.apply_clock_fault();
   }
   poll_until(time, skipped);

@@ -67,6 +67,8 @@ class WirePort final : public Port {
   std::uint64_t exchange(std::unique_ptr<Port>& port) noexcept;
   // Sets the bit rate of the line or the bus, Line::bit_rate.
   void set_bit_rate(double bit_rate) noexcept { bit_rate_ = bit_rate; }
+  // Returns the state of the wrapped port, in which a fault that takes the cable out does not show.
+  PortState state_of_port() const noexcept { return port_->state(); }
   // From now on sends the frames that leave to `copies`, too. `copies` must outlive this.
   void set_copies(Copies* copies) noexcept { copies_ = copies; }
 

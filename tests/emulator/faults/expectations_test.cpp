@@ -19,10 +19,12 @@ const std::string stuck_gyro =
 
 class ExpectationsTest : public FaultyRunTest {
  protected:
-  Config read(const std::string& text) {
-    return load_config(write("expect.toml", config_text(text, "native", 1,
-                                                        "rate_hz = 100\nmodel = \"ideal\"\ngyro.max_rad_per_s = 10\n"
-                                                        "accelerometer.max_m_per_s2 = 100\n")));
+  Config read(const std::string& text, const std::string& port = "pty:host") {
+    std::string config = config_text(text, "native", 1,
+                                     "rate_hz = 100\nmodel = \"ideal\"\ngyro.max_rad_per_s = 10\n"
+                                     "accelerometer.max_m_per_s2 = 100\n");
+    config.replace(config.find("file:1"), 6, port);
+    return load_config(write("expect.toml", config));
   }
   // An act of the host after the sample of this number, at 100 Hz.
   struct Done {
@@ -88,6 +90,26 @@ TEST_F(ExpectationsTest, APortThatIsOpenedAgain) {
   EXPECT_FALSE(results(reopens, {{20, "close"}, {50, "open"}, {150, "open"}}).at(0).holds)
       << "once open, it stays so";
   EXPECT_TRUE(results(reopens, {{20, "close"}, {50, "open"}, {120, "close"}, {150, "open"}}).at(0).holds);
+}
+
+TEST_F(ExpectationsTest, APortIsOpenedAgainOnlyIfItHasReaders) {
+  const std::string reopens = "[[expect]]\nwhat = \"host_reopens\"\nat_s = 1\nwithin_s = 2\n";
+  const auto fault_of = [&](const std::string& text, const std::string& port) -> std::string {
+    try {
+      read(text, port);
+      return {};
+    } catch (const ConfigError& error) {
+      return error.what();
+    }
+  };
+  for (const std::string port : {"pty:host", "tcp:127.0.0.1:9001", "tcp-listen:127.0.0.1:9001", "unix-listen:host"})
+    EXPECT_EQ(fault_of(reopens, port), "") << port;
+  for (const std::string port : {"file:out", "udp:127.0.0.1:9001", "serial:/dev/ttyS0?baud=921600"}) {
+    EXPECT_TRUE(contains(fault_of(reopens, port),
+                         "expect.0.what: \"host_reopens\" needs a port that its host opens; " + port))
+        << port << fault_of(reopens, port);
+    EXPECT_EQ(fault_of("[[expect]]\nwhat = \"host_is_silent\"\nwithin_s = 2\n", port), "") << port;
+  }
 }
 
 // A simulator that starts again does not take away what was met, or was decided otherwise.

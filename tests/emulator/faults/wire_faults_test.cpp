@@ -186,7 +186,10 @@ TEST_F(WireWindowTest, InSilenceNothingLeavesOrArrives) {
 TEST_F(WireWindowTest, ACableThatIsOutDropsFrames) {
   bench_.emplace("native");
   std::vector<PortState> states;
-  bench_->check = [&] { states.push_back(bench_->port->state()); };
+  bench_->check = [&] {
+    states.push_back(bench_->port->state());
+    EXPECT_EQ(bench_->port->state_of_port(), PortState::ready) << "no reader has left";
+  };
   run(WireFault::disconnect);
   for (std::uint64_t k = 10; k <= 19; ++k) EXPECT_TRUE(faulty(k).empty());
   for (std::uint64_t k = 0; k < 30; ++k)
