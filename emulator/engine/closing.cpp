@@ -43,7 +43,7 @@ bool drain(Engine& engine, std::chrono::milliseconds readers) noexcept {
         if (line.port->next_flush()) return true;
     return false;
   };
-  for (const auto& channel : channels) channel->flush();
+  for (const auto& channel : channels) channel->flush(true);
   bool read = false;
   for (int ms = 0; !read && ms < (has_pace() ? std::max(lines, readers) : readers).count(); ++ms) {
     if (ms > 0) ::poll(nullptr, 0, 1);

@@ -40,6 +40,8 @@ class MessageFaults {
 
   // Changes the frames that the device has made of the sample at `time`: removes, repeats or withholds them.
   void shape(FrameBuffer& frames, DeviceTime time) noexcept;
+  // The frames of a sample that are to leave after the next sample's, which may not come.
+  std::span<const Frame> exchanged() const noexcept { return exchanged_.frames(); }
   // Returns true if frames are withheld.
   bool holds_back() const noexcept { return has_next_; }
   // Returns when withheld frames are due; nullopt: there are none.

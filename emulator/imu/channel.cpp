@@ -40,6 +40,7 @@ void Channel::set_clock(DeviceTime zero, std::optional<HostTime> origin) noexcep
 }
 
 void Channel::begin_run(std::optional<TruthTime> begin) noexcept {
+  if (begin) send_exchanged();  // of the run before
   begin ? sensor.begin_run(*begin) : sensor.pass_over();
   awaited.clear();
   if (sync) sync->begin_run();
@@ -156,6 +157,13 @@ void Channel::release_until(DeviceTime now, bool too_late) noexcept {
     if (!frame) return;
     if (!too_late) send(std::span(&*frame, 1), *due);
   }
+}
+
+// Behind frames that are late, and do not leave any more, they would be late, too.
+void Channel::send_exchanged() noexcept {
+  if (!faults || faults->messages().holds_back()) return;
+  send(faults->messages().exchanged(), sensor.sample().time);
+  faults->messages().discard();
 }
 
 void Channel::receive(Frame frame, std::size_t uart, HostTime now) noexcept {

@@ -112,7 +112,9 @@ class Channel {
   // Polls the device's deadlines up to `now`, and sends their frames.
   void poll(HostTime now) noexcept { poll_until(sensor.clock().now(now), false); }
   // Sends the frames that the ports hold back, as far as they can now. Publishes the counters if there is news.
-  void flush() noexcept {
+  // `at_end`: after the last sample; first sends the frames that a fault withholds until the next sample.
+  void flush(bool at_end = false) noexcept {
+    if (at_end) send_exchanged();
     if (lines.flush() || unpublished_ > 0) publish();
   }
   // Lines::wait_until_sent().
@@ -134,6 +136,7 @@ class Channel {
     if ((faults && faults->messages().holds_back()) || (deadline && *deadline <= now)) poll_due(now, too_late);
   }
   void poll_due(DeviceTime now, bool too_late) noexcept;
+  void send_exchanged() noexcept;
   void release_until(DeviceTime now, bool too_late) noexcept;
   void send(std::span<const Frame> frames, DeviceTime time, bool is_reply = false) noexcept;
   // Lets the sensor follow the device, whose settings may have changed.

@@ -5,11 +5,13 @@
 #include <gtest/gtest.h>
 
 #include <atomic>
+#include <chrono>
 #include <string>
 #include <vector>
 
 #include "emulator/config/load_config.hpp"
 #include "emulator/drive/assembly.hpp"
+#include "emulator/engine/closing.hpp"
 #include "emulator/faults/fault_labels.hpp"
 #include "emulator/ground/host.hpp"
 #include "emulator/plan/config.hpp"
@@ -91,6 +93,7 @@ class FaultyRunTest : public RunTest {
     Engine& engine = assembly.engine();
     MonotonicHost host;
     assembly.run(host, false);
+    drain(engine, std::chrono::milliseconds(0));
     engine.finish_faults();
     std::vector<std::string> names;
     for (const ImuConfig& imu : config.imus) names.push_back(imu.name);

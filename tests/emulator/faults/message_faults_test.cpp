@@ -109,6 +109,31 @@ TEST_F(MessageFaultsTest, MessagesChangePlaces) {
     ASSERT_EQ(other.frames[k].bytes, clean.frames[k % 2 == 0 ? k + 1 : k - 1].bytes) << k;
 }
 
+// Each message leaves once. One fault withholds the even samples from 1000 on, the other one the odd samples from
+// 1251 on; a message that follows a withheld one is not withheld.
+TEST_F(MessageFaultsTest, TwoFaultsOfTheOrderLoseNoMessage) {
+  const std::string out_of_order = "[[fault]]\ntarget = \"message\"\nkind = \"out_of_order\"\n";
+  const Result clean = run(""), both = run(out_of_order + "at_sample = 1000\nfor_samples = 500\n" + out_of_order +
+                                           "at_sample = 1251\nfor_samples = 500\n");
+  expect_same_outside(both, clean, 1000, 1750);
+  std::multiset<std::string> sent, expected;
+  for (const Sent& frame : both.frames) sent.insert(frame.bytes);
+  for (const Sent& frame : clean.frames) expected.insert(frame.bytes);
+  EXPECT_EQ(sent, expected);
+  for (std::size_t k = 1000; k < 1500; ++k)
+    ASSERT_EQ(both.frames[k].bytes, clean.frames[k % 2 == 0 ? k + 1 : k - 1].bytes) << k;
+}
+
+// The run has 5001 samples: the last one, number 5000, is withheld at its end.
+TEST_F(MessageFaultsTest, AMessageThatIsWithheldAtTheEndLeaves) {
+  const std::string to_the_end = "[[fault]]\ntarget = \"message\"\nkind = \"out_of_order\"\nat_s = 2\n";
+  const Result clean = run(""), other = run(to_the_end);
+  ASSERT_EQ(clean.frames.size(), 5001U);
+  expect_same_outside(other, clean, first_late, 4999);
+  for (std::size_t k = first_late; k <= 4999; ++k)
+    ASSERT_EQ(other.frames[k].bytes, clean.frames[k % 2 == 0 ? k + 1 : k - 1].bytes) << k;
+}
+
 TEST_F(MessageFaultsTest, Counters) {
   const Result clean = run(""), stuck = faulty("counter_stuck"), ahead = faulty("counter_jump", "value = 100\n");
   expect_same_outside(stuck, clean);
