@@ -27,12 +27,18 @@ void ChannelFaults::begin_run() noexcept {
 }
 
 void ChannelFaults::take(Sample& sample, Nanoseconds since_begin, std::optional<std::int64_t> utc_ns) noexcept {
+  has_sample_ = true;
   schedule_.take(sample, since_begin, utc_ns);
   apply(sample, since_begin);
   if (!expectations_.empty()) expectations_.take(schedule_, seconds(since_begin));
 }
 
 void ChannelFaults::take_at_rest(Sample& sample, Nanoseconds since, std::optional<std::int64_t> utc_ns) noexcept {
+  has_sample_ = true;
+  if (!schedule_.has_added()) {
+    if (may_act()) remember(sample);
+    return;
+  }
   schedule_.take_at_rest(sample, since, utc_ns);
   apply(sample, since);
 }

@@ -26,7 +26,7 @@ class ChannelFaults {
   FaultSchedule& schedule() noexcept { return schedule_; }
   // Adds a fault as FaultSchedule::add() does, after the sample `last`.
   void add(const FaultConfig& fault, std::uint32_t number, const Sample& last) noexcept {
-    if (schedule_.empty()) remember(last);
+    if (schedule_.empty() && has_sample_) remember(last);
     schedule_.add(fault, number);
   }
   // Returns true if no fault acts on the last sample, and none acted on the sample before. Then the lists of active
@@ -46,9 +46,8 @@ class ChannelFaults {
   // Determines the faults of a sample of the truth, `since_begin` after the begin of its run, and applies the faults
   // of the sensors and of the device's input. `utc_ns`: as for FaultSchedule::take().
   void take(Sample& sample, Nanoseconds since_begin, std::optional<std::int64_t> utc_ns) noexcept;
-  // take_at_rest() does the same as take() for a sample at rest, before the first truth: only faults that were begun
-  // by control act. `since` is the time since power on. acts_at_rest() returns true if there are such faults.
-  bool acts_at_rest() const noexcept { return schedule_.has_added(); }
+  // Does the same as take() for a sample at rest, before the first truth: only faults that were begun by control act.
+  // `since` is the time since power on.
   void take_at_rest(Sample& sample, Nanoseconds since, std::optional<std::int64_t> utc_ns) noexcept;
   // The host has sent bytes, after the last sample.
   void host_sent(std::span<const std::byte> bytes) noexcept {
@@ -85,6 +84,7 @@ class ChannelFaults {
   SensorFaults sensors_;
   MessageFaults messages_;
   Expectations expectations_;
+  bool has_sample_ = false;
   bool acts_ = false;  // a fault acts on the last sample
   bool are_quiet_ = true;
   std::optional<Nanoseconds> last_;  // the time of the last sample of this run

@@ -149,7 +149,7 @@ void MessageFaults::take(std::span<const ActiveFault> faults, std::uint64_t k, c
         is_exchanged_ = is_exchanged_ || (fault.since % 2 == 0 && !fault.is_last);
         break;
       case MessageFault::counter_stuck:
-        if (fault.since == 0) stuck_counter_ = counter_;
+        if (fault.since == 0) stuck_counter_ = counter_.value_or(counter);
         counter = stuck_counter_;
         break;
       case MessageFault::counter_jump:

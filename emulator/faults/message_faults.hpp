@@ -75,9 +75,9 @@ class MessageFaults {
   std::optional<std::uint32_t> other_unit_;
   Nanoseconds delay_{0};
   Nanoseconds clock_offset_{0};
-  std::uint64_t counter_ = 0;        // the last sample's counter as it was sent, for counter_stuck
-  std::uint64_t stuck_counter_ = 0;  // the counter that counter_stuck sends
-  std::uint64_t counter_ahead_ = 0;  // how far the sent counter is ahead of the sample's counter
+  std::optional<std::uint64_t> counter_;  // the last sample's counter as it was sent, for counter_stuck
+  std::uint64_t stuck_counter_ = 0;       // the counter that counter_stuck sends
+  std::uint64_t counter_ahead_ = 0;       // how far the sent counter is ahead of the sample's counter
   std::uint32_t status_kept_ = ~std::uint32_t{0}, status_added_ = 0;
 };
 

@@ -39,8 +39,10 @@ void SensorFaults::apply(std::span<const ActiveFault> faults, std::uint64_t k, d
     return errors.walk_transition.isZero(0.0) ? std::sqrt(sigma * sigma + errors.walk_sqrt_cov.row(0).squaredNorm())
                                               : sigma;
   };
+  const bool is_first = !has_last_;
   for (const ActiveFault& fault : faults) {
     Output& held = held_[fault.number];
+    if (is_first) remember(sample);
     if (fault.since == 0) held = last_;
     if (sensor_fault_of(*fault.kind) >= SensorFault::no_fix) {
       apply_to_gnss(fault, sample);

@@ -26,6 +26,7 @@ class SensorFaults {
 
   // Keeps the output of a sample on which no fault acts, for the next one.
   void remember(const Sample& sample) noexcept {
+    has_last_ = true;
     last_ = {
         sample.rate,     sample.specific_force, sample.magnetic_field, sample.inclination.value_or(Vector3::Zero()),
         sample.pressure, sample.temperature_c,  sample.fix()};
@@ -58,7 +59,9 @@ class SensorFaults {
   ImuModel model_;
   const std::span<const Normals> normals_;
   Output last_;
-  std::vector<Output> held_;  // by the faults' numbers: the last output before each began
+  bool has_last_ = false;
+  // By the faults' numbers: the last output before each began, or the output of the first sample.
+  std::vector<Output> held_;
 };
 
 }  // namespace imud

@@ -100,8 +100,8 @@ void Sensor::sense_at_rest(Nanoseconds since_power_on, std::uint64_t k) noexcept
   ahead_ = Nanoseconds{0};
   sample_ = imu_.sample_at_rest(since_power_on, clock_.stamp(k));
   if (has_clock_errors_) take_clock_errors(std::nullopt);
-  if (faults_ != nullptr && faults_->acts_at_rest())
-    faults_->take_at_rest(sample_, since_power_on, utc_ns_of(sample_.time));
+  if (faults_ != nullptr)
+    faults_->take_at_rest(sample_, since_power_on, faults_->may_act() ? utc_ns_of(sample_.time) : std::nullopt);
   if (acquisition_.is_on()) acquisition_.take(sample_.navigation);
   if (!solution_) return;
   possible_fix_ = sample_.navigation;

@@ -73,6 +73,51 @@ TEST_F(BegunFaults, AStuckValueIsTheLastOneBefore) {
   }
 }
 
+// Faults from the first truth on, after samples at rest.
+TEST_F(BegunFaults, AStuckValueIsTheLastOneAtRest) {
+  const Config all = config(200, "delay_ms = 20",
+                            "before_first = \"rest\"\n[[fault]]\ntarget = \"accelerometer\"\nkind = \"stuck\"\n"
+                            "[[fault]]\ntarget = \"message\"\nkind = \"counter_stuck\"\n");
+  SimulatedRun run(all);
+  for (int k = 0; k <= 20; ++k) run.truth(1 + 0.01 * k, Swing::truth(at_s(0.01 * k)));
+  run.run(1.1);
+  const std::vector<Left>& left = run.left();
+  std::size_t rests = 0;
+  while (rests < left.size() && (left[rests].sample.status & status::at_rest) != 0) ++rests;
+  ASSERT_GT(rests, 100U);
+  ASSERT_GT(left.size(), rests + 5);
+  const Sample& last = left[rests - 1].sample;
+  EXPECT_GT(last.specific_force.norm(), 9);
+  for (std::size_t k = rests; k < left.size(); ++k) {
+    EXPECT_EQ(left[k].sample.specific_force, last.specific_force) << k;
+    EXPECT_EQ(left[k].sample.counter, last.counter) << k;
+  }
+}
+
+TEST_F(BegunFaults, WithoutAnEarlierSampleTheFirstOneIsHeld) {
+  const Config all = config(1000, "");
+  const std::vector<FaultConfig> configured = {read("target = \"gyro\"\nkind = \"stuck\"\n", all.imus),
+                                               read("target = \"barometer\"\nkind = \"stuck\"\n", all.imus),
+                                               read("target = \"message\"\nkind = \"counter_stuck\"\n", all.imus)};
+  for (const bool by_control : {false, true}) {
+    FaultLog log;
+    ChannelFaults faults(by_control ? std::span<const FaultConfig>() : configured, {}, all.imus[0], 0, 1, log, 3);
+    if (by_control)
+      for (std::uint32_t i = 0; i < 3; ++i) faults.add(configured[i], i, Sample{});
+    for (std::uint64_t k = 7; k < 12; ++k) {
+      Sample sample;
+      sample.counter = k;
+      sample.rate.setConstant(static_cast<double>(k));
+      sample.pressure = 1e5 + static_cast<double>(k);
+      faults.take(sample, static_cast<int>(k) * 1ms, std::nullopt);
+      faults.messages().forge(sample);
+      EXPECT_EQ(sample.rate.x(), 7) << k;
+      EXPECT_EQ(sample.pressure, 1e5 + 7) << k;
+      EXPECT_EQ(sample.counter, 7U) << k;
+    }
+  }
+}
+
 TEST_F(BegunFaults, APowerFailureAtRestEnds) {
   const std::vector<std::uint64_t> left = left_at_rest("target = \"power\"\nkind = \"off\"\n");
   ASSERT_NEAR(static_cast<double>(left.size()), 50, 2);  // of 90
