@@ -1,6 +1,7 @@
 // ChannelFaults: all faults of one imu, at the places where they act.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <optional>
 #include <span>
@@ -38,6 +39,11 @@ class ChannelFaults {
   bool may_act() const noexcept { return !schedule_.empty(); }
   // The faults of the run that were there at its start.
   std::span<const FaultConfig> configured() const noexcept { return configured_; }
+  // The number of faults of the wire that may act at once: the configured ones, and 64 that control begins.
+  std::size_t most() const noexcept {
+    constexpr std::size_t most_by_control = 64;
+    return configured_.size() + std::min(normals_.size() - configured_.size(), most_by_control);
+  }
   void begin_run() noexcept;
   // The next sample has no increments.
   void pass_over() noexcept { last_.reset(); }

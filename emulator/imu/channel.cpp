@@ -25,7 +25,8 @@ Channel::Channel(const ImuConfig& config, std::size_t channel_number, std::uint6
 }
 
 void Channel::enable_faults(const ImuConfig& config, std::uint64_t seed) {
-  lines.enable_faults(config, seed, faults ? faults->configured() : std::span<const FaultConfig>());
+  lines.enable_faults(config, seed, faults ? faults->configured() : std::span<const FaultConfig>(),
+                      faults ? faults->most() : 0);
   unit.enable_faults(config, seed);
 }
 

@@ -49,7 +49,8 @@ void Lines::add_filters(const Protocol& protocol, const Settings& settings, doub
     can_filters_.push_back({.id = message.can.id, .extended = message.can.extended});
 }
 
-void Lines::enable_faults(const ImuConfig& config, std::uint64_t seed, std::span<const FaultConfig> faults) {
+void Lines::enable_faults(const ImuConfig& config, std::uint64_t seed, std::span<const FaultConfig> faults,
+                          std::size_t most) {
   for (std::size_t i = 0; i < count_; ++i) {
     const PortSpec spec = PortSpec::parse(i == 0 ? config.port : config.second_port);
     const Transport* transport = find_transport(spec.scheme);
@@ -64,6 +65,7 @@ void Lines::enable_faults(const ImuConfig& config, std::uint64_t seed, std::span
                        .rate_hz = config.rate_hz,
                        .uart = line.uart,
                        .bit_rate = has_rate ? transport->wire_time(spec, settings, {}).bit_rate : 0,
+                       .most = most,
                        .seal = make_seal(*config.protocol, config.settings)},
         seed);
     line.wire = wire.get();

@@ -30,8 +30,10 @@ class Lines {
   // Opens the ports of the imu with that number. `device` has the settings of its UARTs. Throws PortError.
   Lines(const ImuConfig& config, std::size_t imu, const Ports& ports, const Device& device, StepSink& sink);
   // Wraps each port in a WirePort, on which the faults of the wire act. `faults` are the configured faults of the
-  // run, from which the CAN filters are computed. `seed` is the run's seed.
-  void enable_faults(const ImuConfig& config, std::uint64_t seed, std::span<const FaultConfig> faults);
+  // run, from which the CAN filters are computed. `seed` is the run's seed. `most`: the number of faults that may act
+  // at once.
+  void enable_faults(const ImuConfig& config, std::uint64_t seed, std::span<const FaultConfig> faults,
+                     std::size_t most);
   // Sets the faults that act on the wire during the sample at `time`. Requires enable_faults().
   void set_faults(std::span<const ActiveFault> faults, DeviceTime time) noexcept;
 

@@ -26,16 +26,19 @@ WirePort::WirePort(std::unique_ptr<Port> port, Line line, std::uint64_t seed)
       stream_(stream_id(fmt::format("{}/wire/{}", line.imu, line.number))),
       uart_(line.uart),
       bit_rate_(line.bit_rate) {
+  active_.reserve(line.most);
+  last_.reserve(line.most);
   mirror();
 }
 
 double WirePort::bit_rate() const noexcept { return uart_.baud != 0 ? static_cast<double>(uart_.baud) : bit_rate_; }
 
 void WirePort::set_active(std::span<const ActiveFault> faults) noexcept {
-  if (faults.empty() && active_count_ == 0) return;
-  faults = faults.first(std::min(faults.size(), max_active));
+  if (faults.empty() && active_.empty()) return;
+  faults = faults.first(std::min(faults.size(), active_.capacity()));
   std::swap(active_, last_);
-  const std::span<WireChange> before(last_.data(), std::exchange(active_count_, 0));
+  active_.clear();
+  const std::span<WireChange> before(last_);
   const auto same = [](const ActiveFault& fault) {
     return [&fault](const WireChange& change) {
       const ActiveFault& other = change.fault();
@@ -49,7 +52,7 @@ void WirePort::set_active(std::span<const ActiveFault> faults) noexcept {
   passage_ = Passage::open;
   is_deaf_ = is_off_ = has_bus_load_ = false;
   for (const ActiveFault& fault : faults) {
-    WireChange& change = active_[active_count_++];
+    WireChange& change = active_.emplace_back();
     const auto old = std::ranges::find_if(before, same(fault));
     if (old != before.end()) {
       change = *old;
@@ -60,14 +63,14 @@ void WirePort::set_active(std::span<const ActiveFault> faults) noexcept {
     }
     prepare(change);
   }
-  for (WireChange& change : active()) send_others(change);
+  for (WireChange& change : active_) send_others(change);
   deliver();
   mirror();
 }
 
 std::uint64_t WirePort::exchange(std::unique_ptr<Port>& port) noexcept {
   const auto has = [this](WireFault kind) {
-    return std::ranges::any_of(active(), [&](WireChange& change) { return change.kind() == kind; });
+    return std::ranges::any_of(active_, [&](WireChange& change) { return change.kind() == kind; });
   };
   if (has(WireFault::line_break)) {
     port_->set_break(false);
@@ -208,7 +211,7 @@ double WirePort::add_other(const CanHeader& can, std::size_t size, WireChange& c
 }
 
 void WirePort::send(std::span<const Frame> frames) noexcept {
-  if (active_count_ == 0 || frames.empty()) {
+  if (active_.empty() || frames.empty()) {
     pass(frames, frames.size());
   } else if (passage_ != Passage::open) {
     lose(frames);
@@ -229,7 +232,7 @@ void WirePort::change(std::span<const Frame> transfer, bool is_last) noexcept {
   for (const Frame& frame : transfer)
     for (const std::byte byte : frame.bytes) frame_.push(byte);
   ChangingFrame* changed = &frame_;
-  for (WireChange& fault : active()) {
+  for (WireChange& fault : active_) {
     ChangingFrame& other = changed == &frame_ ? other_ : frame_;
     changed = &fault.change(*changed, other, seal_.get(), transfer[0].can, uart_, is_last);
     if (fault.kind() == WireFault::half_bandwidth)
@@ -255,7 +258,7 @@ void WirePort::add_own(const Frame& frame, std::span<const std::byte> bytes) noe
   ++out_own_;
   if (has_bus_load_) bus_bits_ += can_bits(out_.frames().back()).nominal;
   if (is_reply_ || frame.can.remote) return;
-  for (WireChange& fault : active())
+  for (WireChange& fault : active_)
     if (fault.kind() == WireFault::same_id &&
         fault.numbers().happens(fault.fault().parameters[0] * fault.fault().weight))
       add_other(frame.can, bytes.size(), fault, true);
@@ -298,7 +301,7 @@ std::optional<Port::Received> WirePort::receive() noexcept {
   std::optional<Received> received = port_->receive();
   mirror();
   if (!received) return received;
-  for (WireChange& fault : active()) {
+  for (WireChange& fault : active_) {
     if (fault.kind() != WireFault::baud_wrong) continue;
     const std::size_t size = fault.receive(received->frame.bytes, uart_, incoming_);
     if (size == 0) return std::nullopt;

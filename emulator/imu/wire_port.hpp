@@ -10,6 +10,7 @@
 #include <string>
 #include <string_view>
 #include <utility>
+#include <vector>
 
 #include "core/frame.hpp"
 #include "emulator/faults/wire_change.hpp"
@@ -33,9 +34,6 @@ class Copies;
 // Frames are dropped or changed in the call that brings them. Frames that the port held back before pass unchanged.
 class WirePort final : public Port {
  public:
-  // The faults beyond this number are not performed.
-  static constexpr std::size_t max_active = 32;
-
   struct Line {
     std::string_view imu;  // the imu's name, which selects the random numbers; only used by the constructor
     unsigned number = 0;   // the line's number: 0, or 1 for the second UART's line
@@ -43,6 +41,7 @@ class WirePort final : public Port {
     double rate_hz = 0;      // of the samples
     UartSettings uart = {};  // the characters; baud 0: not known
     double bit_rate = 0;     // bit/s of line or bus; 0 if the rate is not known, or is in `uart`
+    std::size_t most = 64;   // the number of faults that may act at once
     // Writes the checks of the frames; nullptr: the frames have none.
     std::unique_ptr<FrameSeal> seal = nullptr;
   };
@@ -118,7 +117,6 @@ class WirePort final : public Port {
   void lose(std::span<const Frame> frames) noexcept;
   void mirror() noexcept;
   double bit_rate() const noexcept;
-  std::span<WireChange> active() noexcept { return {active_.data(), active_count_}; }
 
   std::unique_ptr<Port> port_;
   const Protocol& protocol_;
@@ -132,8 +130,7 @@ class WirePort final : public Port {
   Copies* copies_ = nullptr;
   std::uint16_t interface_ = 0;
 
-  std::array<WireChange, max_active> active_, last_;
-  std::size_t active_count_ = 0;
+  std::vector<WireChange> active_, last_;  // with room for Line::most
   Passage passage_ = Passage::open;
   bool is_deaf_ = false;
   bool is_off_ = false;  // the cable is out, or the controller is off the bus

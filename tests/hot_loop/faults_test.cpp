@@ -15,7 +15,7 @@ class FaultsAllocate : public RunTest {};
 TEST_F(FaultsAllocate, NothingOnTheWire) {
   WireBench bench("native");
   std::vector<ActiveFault> active;
-  for (std::uint32_t i = 0; i < WirePort::max_active + 8; ++i)
+  for (std::uint32_t i = 0; i < 40; ++i)
     active.push_back(WireWindow{static_cast<WireFault>(i % wire_fault_kinds().size()), {0.1, 1, 1}, 0, 100, i}.at(0));
   std::erase_if(active, [](const ActiveFault& fault) { return wire_fault(*fault.kind) == WireFault::line_break; });
   bench.inner->keeps = false;

@@ -199,6 +199,16 @@ TEST_F(WireWindowTest, ACableThatIsOutDropsFrames) {
   EXPECT_EQ(bench_->port->counters().lost_count, 1U);
 }
 
+// The last of 40 faults at once acts as the first.
+TEST_F(WireWindowTest, ManyFaultsActAtOnce) {
+  WireBench bench("native");
+  std::vector<WireWindow> windows;
+  for (std::uint32_t i = 0; i < 40; ++i)
+    windows.push_back({i < 39 ? WireFault::byte_loss : WireFault::silence, {}, 10, 19, i});
+  const auto frames = bench.run(windows, 30);
+  for (std::uint64_t k = 0; k < 30; ++k) EXPECT_EQ(frames[k].empty(), k >= 10 && k <= 19) << k;
+}
+
 // A frame has 1240 bits on the line, which carries 1152 in a sample, or 576 if half is left: it is busy for one
 // sample after that of a frame, or for two.
 TEST_F(WireWindowTest, ABusyLineDropsFramesWhole) {
