@@ -94,8 +94,9 @@ void add_never_begun(std::span<const FaultConfig> faults, std::vector<FaultLabel
   for (const FaultConfig& fault : faults)
     for (const std::string& imu : fault.imus) {
       const auto end = labels.begin() + static_cast<std::ptrdiff_t>(count);
-      const bool has_one = std::any_of(
-          labels.begin(), end, [&](const FaultLabel& label) { return label.fault == &fault && label.imu == imu; });
+      const bool has_one = std::any_of(labels.begin(), end, [&](const FaultLabel& label) {
+        return label.fault->name == fault.name && label.imu == imu;
+      });
       if (!has_one) labels.push_back({&fault, imu, {}, {}, true, FaultLabel::State::never});
     }
 }
@@ -105,7 +106,7 @@ std::vector<FaultOutcome> fault_outcomes(std::span<const FaultConfig> faults, st
   for (const FaultConfig& fault : faults) {
     FaultOutcome& outcome = all.emplace_back(fault);
     for (const FaultLabel& label : labels) {
-      if (label.fault != &fault) continue;
+      if (label.fault->name != fault.name) continue;  // control may have begun it again
       if (label.state == FaultLabel::State::acted) ++outcome.occurrences;
       if (label.state == FaultLabel::State::passed_over) outcome.is_passed_over = true;
       if (label.state != FaultLabel::State::lost) continue;

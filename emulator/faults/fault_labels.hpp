@@ -52,7 +52,8 @@ struct FaultOutcome {
 // number.
 std::vector<FaultLabel> fault_labels(std::span<const FaultConfig> faults, std::span<const std::string> imus,
                                      const FaultLog& log);
-// Adds a label for each of the faults, on each of its imus, that has none.
+// Adds a label for each of the faults, on each of its imus, that has none. The labels of faults of the same name,
+// which control has begun, count as the fault's, also for fault_outcomes().
 void add_never_begun(std::span<const FaultConfig> faults, std::vector<FaultLabel>& labels);
 // Describes the occurrences that are not in the log; empty if there are none.
 std::string lost_text(std::span<const FaultLabel> labels);

@@ -71,6 +71,11 @@ class FaultSchedule {
   bool is_active(std::size_t number) const noexcept {
     return std::any_of(active_.begin(), active_.end(), [number](const ActiveFault& f) { return f.number == number; });
   }
+  // Returns whether a fault of this name acts on the last sample: of the configuration, or begun by control.
+  bool is_active(std::string_view name) const noexcept {
+    return std::any_of(states_.begin(), states_.end(),
+                       [&](const State& state) { return state.is_active && state.fault->name == name; });
+  }
   // Returns the number of the sample in its run, from 0.
   std::uint64_t sample() const noexcept { return next_ - 1; }
 

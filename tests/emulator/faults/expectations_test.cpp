@@ -112,6 +112,28 @@ TEST_F(ExpectationsTest, APortIsOpenedAgainOnlyIfItHasReaders) {
   }
 }
 
+// fault.repeat adds the fault again, under another number and with its name.
+TEST_F(ExpectationsTest, TheTimeBeginsWithARepetitionOfTheFault) {
+  const Config config = read(
+      "[[fault]]\nname = \"later\"\ntarget = \"gyro\"\nkind = \"stuck\"\nat_s = 5000\nfor_s = 1\n"
+      "[[expect]]\nwhat = \"host_sends\"\nafter_end_of = \"later\"\nwithin_s = 1\n");
+  FaultConfig again = config.faults[0];
+  again.begin_s.a = 0;
+  for (const int sends : {250, 350, 450}) {
+    FaultLog log;
+    const std::vector<Normals> normals = fault_normals("imu1", 1, 2);
+    FaultSchedule schedule(config.faults, normals, "imu1", 0, 100, log);
+    Expectations expectations(config.expectations, "imu1");
+    for (int k = 0; k < 600; ++k) {
+      if (k == 200) schedule.add(again, 1);
+      schedule.take(Sample{}, std::chrono::milliseconds(10 * k));
+      expectations.take(schedule, 0.01 * k);
+      if (k == sends) expectations.host_sent(std::as_bytes(std::span("x", 1)));
+    }
+    EXPECT_EQ(expectations.results().at(0).holds, sends == 350) << sends << expectations.results().at(0).seen;
+  }
+}
+
 // A simulator that starts again does not take away what was met, or was decided otherwise.
 TEST_F(ExpectationsTest, WhatIsDecidedStaysSoInTheNextRun) {
   const Config config = read("[[expect]]\nwhat = \"host_sends\"\nat_s = 1\nwithin_s = 1\n");
