@@ -66,9 +66,10 @@ constexpr RunningKey accelerometer_bias(std::string_view key) {
 }
 
 constexpr RunningKey delay = [] {
-  RunningKey key = number(
-      keys::delay, "the delay of live truth, or \"auto\"; it changes gradually, by 0.2 % of the time that passes",
-      Kind::delay);
+  RunningKey key =
+      number(keys::delay,
+             "the delay of live truth, or \"auto\"; it changes gradually, by at most 5 % of the time that passes",
+             Kind::delay);
   key.automatic = keys::automatic;
   key.refusal = needs_live_truth;
   return key;

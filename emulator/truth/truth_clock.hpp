@@ -21,8 +21,8 @@ namespace imud {
 //
 // An automatic delay is settled before the first run: from begin() on the arrivals are only observed, until
 // is_settled(); then settle() fixes the delay, so that the sensors sample an undistorted motion from the first sample
-// on. Later the delay is raised, slewed by 0.2 %, if more arrivals than `automatic_percent` allows for were too late.
-// It is lowered by 50 us a second, the drift of a poor crystal, if it is more than a quarter too long.
+// on. Later the delay is raised, slewed by 0.2 to 5 %, if more arrivals than `automatic_percent` allows for were too
+// late. It is lowered by 50 us a second, the drift of a poor crystal, if it is more than a quarter too long.
 //
 // Allocates nothing. One thread.
 class TruthClock {

@@ -1,6 +1,10 @@
 // Keys that change a run in real time, and its figures for those who watch.
+#include <fmt/format.h>
+
 #include <atomic>
 
+#include "emulator/control/running_keys.hpp"
+#include "emulator/truth/truth_clock.hpp"
 #include "tests/emulator/control/controlled_run.hpp"
 #include "tests/support/text.hpp"
 
@@ -42,6 +46,11 @@ TEST_F(ControlValues, TheDelayIsSlewedToItsNewValue) {
   EXPECT_TRUE(client.call("set", {{"truth.delay_ms", "auto"}}).contains("result"));
   EXPECT_TRUE(eventually([&] { return std::abs(delay_us() - 40'000) > 10; })) << delay_us();
   EXPECT_EQ(imud.stop(), 0);
+}
+
+TEST(RunningKeys, TheDelayIsSlewedAsItsMeaningSays) {
+  EXPECT_TRUE(contains(running_keys_json().dump(),
+                       fmt::format("by at most {:g} % of the time that passes", 100 * TruthClock::largest_slew)));
 }
 
 TEST_F(ControlValues, TheLogHasWhatItsLevelAdmits) {
