@@ -133,20 +133,24 @@ struct Chosen {
   std::string_view below;
 };
 
-// Selects items by number, by name, or all items by *. A name may contain dots.
+// Selects items by number, by name, or all items by *. A name may contain dots: of several names that fit, the
+// longest is meant.
 Chosen choose(toml::array& array, std::string_view path) {
   const std::size_t dot = path.find('.');
   Chosen chosen{{}, dot == path.npos ? std::string_view() : path.substr(dot + 1)};
+  std::size_t longest = 0;
   for (std::size_t i = 0; i < array.size(); ++i)
-    if (const std::string_view step = path.substr(0, dot); step == "*" || step == std::to_string(i))
+    if (const std::string_view step = path.substr(0, dot); step == "*" || step == std::to_string(i)) {
       chosen.items.push_back(&array[i]);
-  if (!chosen.items.empty()) return chosen;
+      longest = step.size();
+    }
   for (std::size_t i = 0; i < array.size(); ++i) {
     const toml::table* table = array[i].as_table();
     if (table == nullptr) continue;
     const std::string name = (*table)["name"].value_or(fmt::format("imu{}", i + 1));
-    if (!path.starts_with(name + ".")) continue;
-    return {{&array[i]}, path.substr(name.size() + 1)};
+    if (name.size() <= longest || !path.starts_with(name + ".")) continue;
+    longest = name.size();
+    chosen = {{&array[i]}, path.substr(name.size() + 1)};
   }
   return chosen;
 }

@@ -126,19 +126,24 @@ double automatic_percent(const Config& config) {
                                                   : keys::automatic_percent.fallback;
 }
 
-// Splits "imu.NAME.KEY", whose name may have dots. Returns the number of the imu, and reduces the text to KEY.
+// Splits "imu.NAME.KEY", whose name may have dots: of several names that fit, the longest is meant. Returns the
+// number of the imu, and reduces the text to KEY.
 std::uint16_t imu_of(std::string_view& rest, const Config& config) {
   if (rest.starts_with("*.")) {
     rest.remove_prefix(2);
     return Command::all_imus;
   }
+  std::size_t longest = 0, imu = 0;
   for (std::size_t i = 0; i < config.imus.size(); ++i)
     for (const std::string& name : {config.imus[i].name, fmt::to_string(i)})
-      if (rest.starts_with(name + ".")) {
-        rest.remove_prefix(name.size() + 1);
-        return static_cast<std::uint16_t>(i);
+      if (name.size() > longest && rest.starts_with(name + ".")) {
+        longest = name.size();
+        imu = i;
       }
-  throw wrong_params(fmt::format("there is no such imu; there are {}", fmt::join(names_of(config.imus), ", ")));
+  if (longest == 0)
+    throw wrong_params(fmt::format("there is no such imu; there are {}", fmt::join(names_of(config.imus), ", ")));
+  rest.remove_prefix(longest + 1);
+  return static_cast<std::uint16_t>(imu);
 }
 
 void add_key_paths(const toml::table& table, const std::string& before, std::vector<std::string>& key_paths) {

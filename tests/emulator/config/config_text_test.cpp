@@ -55,6 +55,19 @@ TEST_F(ConfigTextTest, OverridesByNumberByNameAndForAll) {
   EXPECT_EQ(read({"imu.*.device.model=x"}).root["imu"][2]["device"]["model"].value_or(std::string()), "x");
 }
 
+TEST_F(ConfigTextTest, OfTwoNamesThatFitTheLongerIsMeant) {
+  for (const std::string names :
+       {"[[imu]]\nname = \"a\"\n[[imu]]\nname = \"a.b\"\n", "[[imu]]\nname = \"0\"\n[[imu]]\nname = \"0.b\"\n"}) {
+    std::ofstream(path_) << names;
+    const std::string first = names.substr(names.find('"') + 1, 1);
+    const ConfigText text = read_config_text(
+        path_, std::vector<std::string>{"imu." + first + ".rate_hz=5", "imu." + first + ".b.rate_hz=6"}, faults_);
+    EXPECT_TRUE(faults_.all().empty()) << faults_.all().at(0);
+    EXPECT_EQ(text.root["imu"][0]["rate_hz"].value_or(0), 5);
+    EXPECT_EQ(text.root["imu"][1]["rate_hz"].value_or(0), 6);
+  }
+}
+
 TEST_F(ConfigTextTest, AnOverrideThatCannotBeSetIsAFault) {
   for (const std::string bad : {"imu.3.rate_hz=1", "imu.tail.rate_hz=1", "imu.nose=1", "imu.*=1", "imu.*.rate_hz.x=1",
                                 "seed.x=1", "seed", "=1", "imu.0.name=\xff", "imu.0.name=a\x7f"}) {

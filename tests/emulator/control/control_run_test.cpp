@@ -326,6 +326,18 @@ TEST_F(ControlRun, ARecordRepeatsTheFaultsAfterARefusedBatch) {
   EXPECT_EQ(read_file(path("out2")), second);
 }
 
+TEST_F(ControlRun, OfTwoNamesThatFitTheLongerIsMeant) {
+  std::string config = read_file(two_imus());
+  config.replace(config.find("\"imu2\""), 6, "\"imu1.b\"");
+  const auto set_both = [](ControlClient& client) {
+    for (const char* key : {"imu.imu1.b.gyro.bias_deg_per_s", "imu.imu1.gyro.bias_deg_per_s"}) {
+      const json answer = client.call("set", {{key, 5}});
+      EXPECT_TRUE(answer.contains("result")) << answer;
+    }
+  };
+  play(write("dots.toml", config), {{0, set_both}}, 0);
+}
+
 TEST_F(ControlRun, RefusesWhatIsWrongWithClearWords) {
   const Script script = {
       {0, [](ControlClient& client) {
