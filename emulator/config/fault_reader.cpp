@@ -173,6 +173,8 @@ void read_parameters(TableReader& table, FaultConfig& fault) {
     }
     FaultNumber number =
         read_number(table, given, is_required ? 0 : parameter.initial / si, parameter.min / si, parameter.max / si);
+    if (parameter.is_whole && number.is_fixed() && number.a != std::round(number.a))
+      table.fault(given, fmt::format("give a whole number: {}", parameter.meaning));
     number.a *= si;
     number.b *= si;
     fault.parameters[i] = number;

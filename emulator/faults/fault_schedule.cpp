@@ -1,5 +1,6 @@
 #include "emulator/faults/fault_schedule.hpp"
 
+#include <cmath>
 #include <limits>
 #include <utility>
 
@@ -145,9 +146,11 @@ void FaultSchedule::begin(State& state) noexcept {
                   .target = fault.target,
                   .axes = fault.axes,
                   .occurrence = state.occurrence};
-  for (std::size_t i = 0; i < fault.kind->parameters.size(); ++i)
-    state.active.parameters[i] =
-        std::clamp(draw(state, fault.parameters[i], i), fault.kind->parameters[i].min, fault.kind->parameters[i].max);
+  for (std::size_t i = 0; i < fault.kind->parameters.size(); ++i) {
+    const FaultParameter& parameter = fault.kind->parameters[i];
+    const double drawn = std::clamp(draw(state, fault.parameters[i], i), parameter.min, parameter.max);
+    state.active.parameters[i] = parameter.is_whole ? std::round(drawn) : drawn;
+  }
 }
 
 void FaultSchedule::end(State& state) noexcept {

@@ -12,13 +12,14 @@ constexpr std::string_view message_target[] = {"message"}, clock_target[] = {"cl
 constexpr FaultParameter message_chance[] = {
     {.key = "each", .meaning = "the probability of each message", .initial = 1, .min = 0, .max = 1}};
 constexpr FaultParameter message_copies[] = {
-    {.key = "value", .meaning = "how often it is sent again", .initial = 1, .min = 1, .max = 8}};
+    {.key = "value", .meaning = "how often it is sent again", .initial = 1, .min = 1, .max = 8, .is_whole = true}};
 constexpr FaultParameter message_lateness[] = {
     {.key = "delay_ms", .meaning = "by which messages are late", .min = 0, .max = 10'000},
     {.key = "jitter_ms", .meaning = "by which they are later at random", .initial = 0, .min = 0, .max = 10'000}};
 constexpr FaultParameter message_batch[] = {
     {.key = "period_ms", .meaning = "the time from one batch to the next", .min = 0.001, .max = 10'000}};
-constexpr FaultParameter counter_ahead[] = {{.key = "value", .meaning = "the number that is added"}};
+constexpr FaultParameter counter_ahead[] = {
+    {.key = "value", .meaning = "the number that is added", .is_whole = true}};
 constexpr FaultParameter clock_ahead[] = {{.key = "value_s", .meaning = "by which the clock is ahead"}};
 constexpr FaultParameter clock_fast[] = {
     {.key = "value_ppm", .meaning = "by which the clock runs fast", .min = -1e5, .max = 1e5}};

@@ -48,7 +48,7 @@ constexpr FaultParameter drift_of_position[] = {
     {.key = "east_m_per_s", .meaning = "to the east", .initial = 0},
     {.key = "down_m_per_s", .meaning = "downwards", .initial = 0}};
 constexpr FaultParameter satellites_left[] = {
-    {.key = "value", .meaning = "the number of satellites", .min = 0, .max = 99}};
+    {.key = "value", .meaning = "the number of satellites", .min = 0, .max = 99, .is_whole = true}};
 constexpr FaultParameter factor_on_accuracy[] = {
     {.key = "factor", .meaning = "on the accuracies; below 1 they promise too much", .min = 0, .max = 1e6}};
 constexpr FaultParameter time_step[] = {{.key = "value_s", .meaning = "by which GPS time is off"}};

@@ -21,7 +21,8 @@ constexpr FaultParameter truths_late[] = {{.key = "value",
                                            .meaning = "the number of truths that arrive before it",
                                            .initial = 1,
                                            .min = 1,
-                                           .max = most_late}};
+                                           .max = most_late,
+                                           .is_whole = true}};
 
 constexpr std::string_view last_curve = "motion returns on the curve to the next truth";
 

@@ -35,6 +35,7 @@ struct FaultParameter {
   // The key is in the target's unit, SI, or has the unit as its suffix: value_deg_per_s.
   bool has_targets_unit = false;
   bool is_per_s = false;  // the number is a rate, per second
+  bool is_whole = false;  // the number is whole; a drawn one is rounded to the nearest
 };
 
 // The enumerator of a kind of fault in the enum of the kind's seam, such as SensorFault::bias.

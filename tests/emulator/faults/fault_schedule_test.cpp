@@ -159,6 +159,28 @@ TEST_F(FaultScheduleTest, NumbersAreDrawnByTheSeed) {
   EXPECT_TRUE(many.all_bytes.starts_with(one.all_bytes)) << "the first imu has the same faults among others";
 }
 
+// A drawn number is rounded, and its label has the rounded number: each of 20 draws is 1 or 2.
+TEST_F(FaultScheduleTest, WholeNumbers) {
+  const std::string repeated = "[[fault]]\ntarget = \"message\"\nkind = \"repeated\"\n";
+  EXPECT_EQ(faults_of(repeated + "value = 2\n"), "");
+  EXPECT_EQ(faults_of(repeated + "value = 2.0\n"), "");
+  for (const std::string& fault :
+       {repeated + "value = 1.5\n", std::string("[[fault]]\ntarget = \"gnss\"\nkind = \"satellites\"\nvalue = 4.5\n"),
+        std::string("[[fault]]\ntarget = \"message\"\nkind = \"counter_jump\"\nvalue = -1.5\n"),
+        std::string("[[fault]]\ntarget = \"truth\"\nkind = \"late\"\nvalue = 1.5\n")})
+    EXPECT_TRUE(contains(faults_of(fault), "fault.0.value: give a whole number")) << fault << faults_of(fault);
+  const Result clean = run("");
+  const Result drawn = run(repeated + "value = {uniform = [1, 2]}\nfor_samples = 1\nevery_s = 0.1\ntimes = 20\n");
+  ASSERT_EQ(drawn.labels.size(), 20U);
+  double copies = 0;
+  for (const FaultLabel& label : drawn.labels) {
+    EXPECT_TRUE(label.first.parameters[0] == 1 || label.first.parameters[0] == 2) << label.first.parameters[0];
+    copies += label.first.parameters[0];
+  }
+  EXPECT_GT(copies, 20) << "all are 1: false alarm 1e-6";
+  EXPECT_EQ(static_cast<double>(drawn.frames.size()), static_cast<double>(clean.frames.size()) + copies);
+}
+
 TEST_F(FaultScheduleTest, ACondition) {
   const Result clean = run("");
   const auto force = [&](std::size_t k) { return clean.measurements[k].sample.specific_force.norm(); };

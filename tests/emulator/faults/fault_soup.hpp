@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 #include <random>
 #include <string>
 #include <vector>
@@ -79,7 +80,8 @@ class FaultSoup {
                         : key == "percent"                           ? 100
                         : kind.name == "slow_start"                  ? 0.5
                                                                      : 20;
-    return fmt::format("{} = {}\n", key, uniform(std::max(parameter.min, -most), std::min(parameter.max, most)));
+    const double drawn = uniform(std::max(parameter.min, -most), std::min(parameter.max, most));
+    return fmt::format("{} = {}\n", key, parameter.is_whole ? std::round(drawn) : drawn);
   }
 
   std::mt19937_64 random_;
