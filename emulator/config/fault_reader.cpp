@@ -87,7 +87,8 @@ void read_wait(TableReader& table, FaultConfig& fault) {
   if (const toml::node* node = table.node("at_time"); node != nullptr) {
     const toml::value<toml::date_time>* given = node->as_date_time();
     if (given == nullptr || !given->get().offset) {
-      table.fault("at_time", "give a date and time with its offset, such as 2026-01-01T12:00:00Z, without quotes");
+      table.fault("at_time",
+                  "give a date and time with its offset, such as 2026-01-01T12:00:00Z, without quotes in TOML");
       return;
     }
     const toml::date_time& time = given->get();

@@ -53,6 +53,19 @@ std::string expect_objection(const ExpectConfig& expect, std::span<const ImuConf
                      imu->port, fmt::join(port_examples([](const Transport& one) { return one.has_readers; }), ", "));
 }
 
+// JSON has no dates: replaces the text `at_time` of a begun fault by the date and time in it, if it is one.
+void read_date(toml::table& table) {
+  const auto text = table["at_time"].value<std::string>();
+  if (!text) return;
+  try {
+    const toml::table date = toml::parse("at_time = " + *text);
+    if (const auto* time = date["at_time"].as_date_time(); time != nullptr && date.size() == 1)
+      table.insert_or_assign("at_time", time->get());
+  } catch (const toml::parse_error&) {
+    return;  // read_fault() refuses it
+  }
+}
+
 constexpr std::string_view needs_host =
     "needs clock = \"realtime\", or the replay of a record of --record, which has what the host has sent";
 
@@ -87,6 +100,7 @@ FaultConfig read_begun_fault(std::string_view text, std::size_t number, std::spa
     wrong.emplace_back(error.description());
     return {};
   }
+  read_date(table);
   Faults faults("");
   TableReader reader(&table, "", 0, faults, resolved);
   FaultConfig fault = read_fault(reader, number, names_of(imus));

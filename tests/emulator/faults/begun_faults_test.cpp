@@ -73,6 +73,20 @@ TEST_F(BegunFaults, AStuckValueIsTheLastOneBefore) {
   }
 }
 
+// 1 767 268 800 s since 1970: date -u -d 2026-01-01T12:00:00Z +%s
+TEST_F(BegunFaults, ATimeOfTheHostIsGivenAsText) {
+  const Config all = config(1000, "");
+  const std::string stuck = "target = \"gyro\"\nkind = \"stuck\"\nfor_samples = 3\n";
+  for (const std::string time : {"\"2026-01-01T12:00:00Z\"", "\"2026-01-01T13:00:00+01:00\"", "2026-01-01T12:00:00Z"})
+    EXPECT_EQ(read(stuck + "at_time = " + time + "\n", all.imus).after_utc_ns, 1'767'268'800'000'000'000) << time;
+  for (const std::string time : {"\"noon\"", "\"2026-01-01T12:00:00\"", "\"2026-01-01T12:00:00Z\\nx = 1\""}) {
+    std::vector<std::string> wrong;
+    static_cast<void>(read_begun_fault(stuck + "at_time = " + time + "\n", 0, all.imus, wrong));
+    ASSERT_EQ(wrong.size(), 1U) << time;
+    EXPECT_NE(wrong[0].find("at_time: give a date and time with its offset"), std::string::npos) << wrong[0];
+  }
+}
+
 // Faults from the first truth on, after samples at rest.
 TEST_F(BegunFaults, AStuckValueIsTheLastOneAtRest) {
   const Config all = config(200, "delay_ms = 20",
