@@ -1,7 +1,7 @@
 // Reads the settings and requests of a description.
 #include <fmt/format.h>
 
-#include <cmath>
+#include <limits>
 #include <optional>
 #include <string>
 
@@ -12,12 +12,12 @@ namespace {
 
 using Host = FrameHostDescription;
 
-// Returns the value as text; a finite number in its shortest form.
+// Returns the value as text; a number, which may be the rate inf, in its shortest form.
 std::optional<std::string> value_text(const toml::node& node) {
   if (const auto* text = node.as_string()) return text->get();
   if (const auto* integer = node.as_integer()) return fmt::to_string(integer->get());
   const auto* real = node.as_floating_point();
-  if (real == nullptr || !std::isfinite(real->get())) return std::nullopt;
+  if (real == nullptr || !(real->get() > -std::numeric_limits<double>::infinity())) return std::nullopt;
   return fmt::to_string(real->get());
 }
 

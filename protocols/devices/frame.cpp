@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <memory>
 #include <stdexcept>
@@ -105,20 +106,13 @@ FrameHost host_of(const FrameDescription& description, const Settings& settings)
   return host;
 }
 
-// Refuses a message with a rate above the rate of the samples. A message that only a host switches on may have a
-// higher one, at which it is sent with each sample.
+// Refuses a message with a rate above the rate of the samples. Where a setting has the rate inf as well, a host may
+// ask for more than there is.
 void check_rates(const Settings& settings, double rate_hz) {
   const FrameDescription description = description_of(settings);
-  const FrameSettings described(description);
-  const auto is_off = [&](const FrameDescription::Message& message) {
-    std::vector<FrameValue> values = described.delivered();
-    for (const FrameChosen chosen : stored_values(described, settings)) values[chosen.setting] = chosen.value;
-    std::vector<FrameFault> faults;  // they were reported when the description was read
-    return !all_hold(described.switch_of(message, faults).when, values);
-  };
   for (const FrameDescription::Message& message : description.messages) {
     const double highest = highest_rate_hz(description, message);
-    if (highest <= rate_hz * (1 + 1e-6) || (!message.rate_setting.empty() && is_off(message))) continue;
+    if (highest <= rate_hz * (1 + 1e-6) || std::isinf(highest)) continue;
     char text[160];
     std::snprintf(text, sizeof text, "rate_hz %s %g, but with rate_hz = %g of the imu there are no more samples",
                   message.rate_setting.empty() ? "is" : "is a setting that a host may set to", highest, rate_hz);

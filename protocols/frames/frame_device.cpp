@@ -224,8 +224,9 @@ void FrameDevice::switch_messages() noexcept {
     one.is_polled &= one.is_allowed;
     one.message.layout->select(host_.values());
     if (!by_settings.rate) continue;
-    const Nanoseconds period = by_settings.periods[host_.values()[*by_settings.rate]];
-    if (period.count() == 0 || period == one.message.period) continue;
+    const Nanoseconds chosen = by_settings.periods[host_.values()[*by_settings.rate]];
+    const Nanoseconds period = chosen == FrameSwitch::each_sample ? Nanoseconds{0} : chosen;
+    if (chosen.count() == 0 || period == one.message.period) continue;
     one.message.period = period;
     if (!start_) continue;
     const std::int64_t number = number_at(one, newest_.time);

@@ -290,15 +290,18 @@ std::vector<Nanoseconds> FrameSettings::periods(std::size_t setting) const {
   const Setting& one = all_[setting];
   each_end(setting, [&](FrameChosen chosen) {
     const double rate_hz = number(chosen);
-    if (!one.is_number || (rate_hz != 0 && !(rate_hz >= Grid::min_rate_hz && rate_hz <= Grid::max_rate_hz)))
+    const bool is_special = rate_hz == 0 || std::isinf(rate_hz);
+    if (!one.is_number || !(is_special || (rate_hz >= Grid::min_rate_hz && rate_hz <= Grid::max_rate_hz)))
       refuse_setting("the value " + word(chosen) + " of " + one.name +
-                     " is no rate; give Hz from 0.001 to 10000, or 0, at which nothing is sent");
+                     " is no rate; give Hz from 0.001 to 10000, 0, at which nothing is sent, or inf: each sample");
   });
   const std::size_t count = one.is_range ? static_cast<std::size_t>(one.highest - one.lowest) + 1 : one.values.size();
   std::vector<Nanoseconds> periods;
   for (std::size_t i = 0; i < count; ++i) {
     const double rate_hz = number({setting, i});
-    periods.push_back(rate_hz == 0 ? Nanoseconds{} : nanoseconds(1 / rate_hz));
+    periods.push_back(rate_hz == 0          ? Nanoseconds{}
+                      : std::isinf(rate_hz) ? FrameSwitch::each_sample
+                                            : nanoseconds(1 / rate_hz));
   }
   return periods;
 }

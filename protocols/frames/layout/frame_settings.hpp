@@ -47,9 +47,11 @@ bool exclude(std::span<const FrameCondition> some, std::span<const FrameConditio
 
 // The settings that switch a message, and its rates.
 struct FrameSwitch {
+  static constexpr Nanoseconds each_sample{-1};  // the period of the rate inf
+
   std::vector<FrameCondition> when;  // all must hold
   std::optional<std::size_t> rate;   // the setting that has the rate
-  std::vector<Nanoseconds> periods;  // for each value of that setting; 0: nothing is sent
+  std::vector<Nanoseconds> periods;  // for each value of that setting; 0: nothing is sent; or each_sample
   bool is_streamed = true;           // false: only sent when a request polls it
 
   // Returns true if the message is streamed with these values of all settings.
@@ -99,7 +101,7 @@ class FrameSettings {
   FrameSwitch switch_of(const FrameDescription::Message& message, std::vector<FrameFault>& faults) const;
   // Throws if a value of the setting has no code, or a code of more than `bits` bits.
   void require_codes(std::size_t setting, unsigned bits) const;
-  // Returns the periods of a setting whose values are rates in Hz; 0 for the rate 0, at which nothing is sent.
+  // Returns FrameSwitch::periods of a setting whose values are rates in Hz.
   std::vector<Nanoseconds> periods(std::size_t setting) const;
   // Throws if a value of the setting is no bit rate.
   void require_bauds(std::size_t setting) const;

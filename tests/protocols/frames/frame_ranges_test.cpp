@@ -114,24 +114,31 @@ TEST(FrameRanges, AreConfiguredAndPrinted) {
   EXPECT_THROW(protocol_named("frame").check(settings, 99), std::invalid_argument);
 }
 
-// A message that only a host switches on may have a rate above the imu's, at which it is sent with each sample.
-TEST(FrameRanges, ARateOfAHostMayBeHigher) {
-  const std::string text =
-      "frame_version = 1\nname = \"t\"\nline.baud = 9600\nsetting.OUT = [\"samples\", \"rate\"]\n"
-      "setting.HZ = [100, 10]\n[[message]]\nwhen = {OUT = \"samples\"}\nlayout = [\"A1\"]\n"
-      "[[message]]\nwhen = {OUT = \"rate\"}\nrate_hz = \"HZ\"\nlayout = [\"A2\"]\n"
-      "[[request]]\nline = \"rate\"\nset = {OUT = \"rate\"}\n";
-  Settings settings = frame_settings(frames_of_text(text, "test.toml"));
+// The rate inf is each sample. With it a host may choose a rate above the imu's, at which each sample is sent, too.
+TEST(FrameRanges, ARateOfEachSample) {
+  std::string text =
+      "frame_version = 1\nname = \"t\"\nline.baud = 9600\nsetting.HZ = [inf, 100, 10]\n[[message]]\n"
+      "rate_hz = \"HZ\"\nlayout = [\"A1\"]\n[[request]]\nline = \"{HZ}\"\nset = true\nanswer = \"{HZ}\"\n";
+  const Settings settings = frame_settings(frames_of_text(text, "test.toml"));
   const Protocol& protocol = protocol_named("frame");
   EXPECT_NO_THROW(protocol.check(settings, 50));
   Line line(protocol, settings);
-  answer_to(line, "rate\n");
   Sample sample;
-  for (int k = 0; k < 4; ++k, ++sample.counter, sample.time.ns += 20'000'000)
-    EXPECT_EQ(line.encode(sample).size(), 1U) << k;
-  settings.set("settings", std::vector<std::string>{"OUT=rate"});
-  EXPECT_THROW(protocol.check(settings, 50), std::invalid_argument);
-  EXPECT_NO_THROW(protocol.check(settings, 100));
+  const auto sent = [&] {
+    std::size_t frames = 0;
+    for (int k = 0; k < 10; ++k, ++sample.counter, sample.time.ns += 20'000'000) frames += line.encode(sample).size();
+    return frames;
+  };
+  EXPECT_EQ(sent(), 10U);
+  EXPECT_EQ(answer_to(line, "10\n"), "10");
+  EXPECT_EQ(sent(), 2U);
+  EXPECT_EQ(answer_to(line, "100\n"), "100");
+  EXPECT_EQ(sent(), 10U);
+  EXPECT_EQ(answer_to(line, "10\n"), "10");
+  EXPECT_EQ(answer_to(line, "inf\n"), "inf");
+  EXPECT_EQ(sent(), 10U);
+  text.replace(text.find("inf, "), 5, "");
+  EXPECT_THROW(protocol.check(frame_settings(frames_of_text(text, "test.toml")), 50), std::invalid_argument);
 }
 
 TEST(FrameRanges, BitRates) {
