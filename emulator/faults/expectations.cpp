@@ -26,7 +26,7 @@ void Expectations::take(const FaultSchedule& schedule, double time_s) noexcept {
   for (Watch& watch : watches_) {
     const ExpectConfig& config = *watch.config;
     if (config.fault) {
-      const bool is_active = schedule.is_active(std::string_view(config.fault_name));
+      const bool is_active = schedule.is_active(config.fault_name);
       const bool was_active = watch.was_active;
       watch.was_active = is_active;
       if (!watch.begin_s && (config.after_end ? was_active && !is_active : is_active)) watch.begin_s = time_s;

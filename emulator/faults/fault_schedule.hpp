@@ -67,10 +67,6 @@ class FaultSchedule {
     const Range range = ranges_[static_cast<std::size_t>(seam)];
     return std::span(active_).subspan(range.begin, range.size);
   }
-  // Returns whether the fault of this number in the configuration acts on the sample.
-  bool is_active(std::size_t number) const noexcept {
-    return std::any_of(active_.begin(), active_.end(), [number](const ActiveFault& f) { return f.number == number; });
-  }
   // Returns whether a fault of this name acts on the last sample: of the configuration, or begun by control.
   bool is_active(std::string_view name) const noexcept {
     return std::any_of(states_.begin(), states_.end(),

@@ -52,7 +52,7 @@ class FaultBeginsTest : public FaultyRunTest {
       constexpr std::int64_t noon_ns = 1'767'268'800'000'000'000;
       schedule.take(Sample{}, std::chrono::milliseconds(10 * (k % samples)),
                     noon_ns + std::int64_t{10'000'000} * (k - 100));
-      if (schedule.is_active(0)) all.push_back(k);
+      if (schedule.is_active(config.faults[0].name)) all.push_back(k);
       send_after(k);
     }
     return all;
@@ -89,7 +89,7 @@ TEST_F(FaultBeginsTest, WhatACommandHasEndedBeginsAgainInTheNextRun) {
       if (k % 200 == 0) schedule.begin_run();
       if (k == 50) all ? schedule.end_all() : schedule.end(0);
       schedule.take(Sample{}, std::chrono::milliseconds(10 * (k % 200)));
-      if (schedule.is_active(0)) acts.push_back(k);
+      if (schedule.is_active(config.faults[0].name)) acts.push_back(k);
     }
     EXPECT_EQ(acts, (Numbers{300, 301, 302}));
   }
