@@ -85,7 +85,7 @@ TEST_F(ImuAllanModel, AnErrorOfTwentyPercentIsFound) {
           << name << term << result.output;
 }
 
-// A VN-100 sends one in so many samples of values behind its filter: by the curve its N is that of the model, though
+// A VN-100 sends one in so many samples of values behind its filter: by the curve its N agrees with the model, though
 // the fit of 40 samples a second has another. A unit with 20 % more noise differs all the same.
 TEST_F(ImuAllanModel, AProductAgreesWithItsOwnModelBehindFilterAndDecimation) {
   const auto compared = [&](const std::vector<std::string>& keys) {

@@ -169,23 +169,32 @@ TEST(ImuFit, FindsTheTermsOf200UnitsWithinTheirStandardErrors) {
   RecordProperty("within", within);
 }
 
+// Returns the fits of gyros and accelerometers with these errors in dwells at four temperatures, whose means have the
+// variance 1e-16.
+std::array<std::array<AxisFit, 3>, 2> exact_fits(const std::array<TriadErrors, 2>& errors) {
+  const std::vector<Dwell> dwells = all_dwells(4, true);
+  const StillRecording recording = recording_of(errors, dwells, Units::rate_hz, 5);
+  std::array<std::array<AxisFit, 3>, 2> fits;
+  for (std::size_t sensor = 0; sensor < 2; ++sensor) {
+    auto means = dwell_means(recording, dwells, sensor == 0, 25);
+    for (DwellMean& mean : means) mean.white = Vector3::Constant(1e-16);
+    fits[sensor] = fit_sensor(means, {}, {}, sensor == 0);
+  }
+  return fits;
+}
+
 // Without noise every term is found as it is, up to the products of small terms.
 TEST(ImuFit, IsExactWithoutNoise) {
   Units units;
   std::array<TriadErrors, 2> errors = units.unit(5);
   for (TriadErrors& one : errors) one.white_density = one.bias_instability = Vector3::Zero();
-  const std::vector<Dwell> dwells = all_dwells(4, true);
-  const StillRecording recording = recording_of(errors, dwells, Units::rate_hz, 5);
-  for (std::size_t sensor = 0; sensor < 2; ++sensor) {
-    auto means = dwell_means(recording, dwells, sensor == 0, 25);
-    for (DwellMean& mean : means) mean.white = Vector3::Constant(1e-16);
-    const auto fits = fit_sensor(means, {}, {}, sensor == 0);
+  const auto fits = exact_fits(errors);
+  for (std::size_t sensor = 0; sensor < 2; ++sensor)
     for (int axis = 0; axis < 3; ++axis)
       for (std::size_t term = 0; term < fit_terms; ++term)
-        EXPECT_NEAR(fits[static_cast<std::size_t>(axis)].parameters[term].value,
+        EXPECT_NEAR(fits[sensor][static_cast<std::size_t>(axis)].parameters[term].value,
                     true_terms(errors[sensor], axis)[term], 2e-6)
             << sensor << axis << term;
-  }
 }
 
 // Temperature changes what the sensor measures along its own axes, as in imud: axes that are 20 mrad off leave no
@@ -197,18 +206,13 @@ TEST(ImuFit, TheScaleFactorChangesAlongTheMisalignedAxes) {
     one.scale_factor = {1.002, 0.998, 1.001};
     one.temperature_scale.col(0) = Vector3(40 * ppm, -30 * ppm, 20 * ppm);
   }
-  const std::vector<Dwell> dwells = all_dwells(4, true);
-  const StillRecording recording = recording_of(errors, dwells, Units::rate_hz, 5);
-  for (std::size_t sensor = 0; sensor < 2; ++sensor) {
-    auto means = dwell_means(recording, dwells, sensor == 0, 25);
-    for (DwellMean& mean : means) mean.white = Vector3::Constant(1e-16);
-    const auto fits = fit_sensor(means, {}, {}, sensor == 0);
+  const auto fits = exact_fits(errors);
+  for (std::size_t sensor = 0; sensor < 2; ++sensor)
     for (int axis = 0; axis < 3; ++axis) {
-      const AxisFit& fit = fits[static_cast<std::size_t>(axis)];
+      const AxisFit& fit = fits[sensor][static_cast<std::size_t>(axis)];
       EXPECT_LT(fit.chi_square, 1) << sensor << axis;
       EXPECT_NEAR(fit[FitTerm::scale_by_temperature].value, errors[sensor].temperature_scale(axis, 0), 1e-9);
     }
-  }
 }
 
 // The terms that a procedure does not show are named, and the others are right.

@@ -48,7 +48,7 @@ TEST(RunErrors, ErrorMeanAndSigmaAreThoseOfTheSeeds) {
   EXPECT_THROW(compare_runs(recording_of(measured), recording_of({1, 2, 3}), 0, {}), std::runtime_error);
 }
 
-// The axes of a spectrum, which are logarithmic, are not those of the next chart.
+// The logarithmic axes of a spectrum end with its chart.
 TEST(RunErrors, EachChartBeginsWithPlainAxes) {
   const std::vector<double> truth(99, 5), measured(99, 5.5);
   const auto run = compare_runs(recording_of(measured), recording_of(truth), 3, [](std::uint64_t seed) {

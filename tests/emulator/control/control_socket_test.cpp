@@ -111,7 +111,7 @@ TEST_F(ControlSocket, ARequestThatIsTooLongIsRefused) {
   EXPECT_EQ(imud.stop(), 0);
 }
 
-// The limit of open files is that of the moment: the connection waits, and is served when there is room again.
+// With too many open files a connection waits. It is served when a file has been closed.
 TEST_F(ControlSocket, WaitsForRoomWithTooManyOpenFiles) {
   Program imud("imud");
   start(imud, running());
