@@ -8,7 +8,6 @@
 #include <utility>
 #include <vector>
 
-#include "core/numbers/nearest.hpp"
 #include "emulator/config/config_parts.hpp"
 #include "emulator/ground/text_file.hpp"
 #include "protocols/frames/frame_device.hpp"
@@ -72,20 +71,6 @@ std::string_view take_confidence(std::string_view& comment, std::string_view unm
   return words.starts_with("secondary source") ? "secondary source"
          : words.starts_with("assumed")        ? "assumed"
                                                : "memory";
-}
-// Adds a fault for every key of a model's file that is not in its table `imu`.
-void refuse_outside_imu(const toml::table& file, Faults& faults) {
-  static const std::vector<std::string> tables = {"gyro", "accelerometer", "inclinometer", "magnetometer",
-                                                  "barometer"};
-  for (const auto& [key, value] : file) {
-    const std::string_view name = key.str();
-    if (name == "imu" && value.is_table()) continue;
-    const std::string meant = nearest(name, tables);
-    const std::string hint = name.starts_with("imu")              ? "a model has one table [imu]"
-                             : value.is_table() && !meant.empty() ? fmt::format("did you mean [imu.{}]?", meant)
-                                                                  : "the keys of a model are in [imu]";
-    faults.add(key.source().begin.line, name, "unknown key; " + hint);
-  }
 }
 
 // Returns the given words and the names of all presets, for suggestions.
@@ -160,9 +145,9 @@ PresetErrors preset_errors(const Preset& preset, double rate_hz) {
     faults.add(error.source().begin.line, "TOML", error.description());
     throw ConfigError(faults.all());
   }
-  refuse_outside_imu(file, faults);
   toml::table resolved;
-  TableReader imu(file["imu"].as_table(), "imu.", 0, faults, resolved);
+  TableReader root(&file, "", 0, faults, resolved);
+  TableReader imu = root.child("imu");
   PresetErrors errors;
   errors.internal_rate_hz = imu.real("internal_rate_hz", 0, 0, ImuConfig::max_internal_rate_hz);
   errors.decimation = imu.choice<Decimation>(
@@ -187,6 +172,7 @@ PresetErrors preset_errors(const Preset& preset, double rate_hz) {
   }
   if (has_barometer) read_barometer(imu.child("barometer"), errors.barometer.emplace());
   imu.finish();
+  root.finish();
   if (!faults.all().empty()) throw ConfigError(faults.all());
   return errors;
 }
