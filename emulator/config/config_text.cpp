@@ -31,30 +31,28 @@ std::string sha256(const std::string& bytes) {
 
 namespace {
 
-// Returns true for a file that begins as a capture: pcap of either byte order, with microseconds or nanoseconds;
-// pcapng; gzip (RFC 1952); zstd (RFC 8878). No text of TOML begins so.
-bool is_captured(const std::string& path) {
-  constexpr std::string_view begins[] = {"\xA1\xB2\xC3\xD4", "\xD4\xC3\xB2\xA1", "\xA1\xB2\x3C\x4D",
-                                         "\x4D\x3C\xB2\xA1", "\n\r\r\n",         "\x1F\x8B",
-                                         "\x28\xB5\x2F\xFD"};
+// Returns true for a file that has a zero byte near its begin, as captures and compressed files have, and no text.
+bool is_data(const std::string& path) {
   std::error_code none;
   if (!std::filesystem::is_regular_file(path, none)) return false;  // the begin of a pipe cannot be read twice
-  std::array<char, 4> first{};
-  std::ifstream(path, std::ios::binary).read(first.data(), first.size());
-  const std::string_view text(first.data(), first.size());
-  return std::ranges::any_of(begins, [&](std::string_view begin) { return text.starts_with(begin); });
+  std::array<char, 4096> first{};
+  std::ifstream file(path, std::ios::binary);
+  file.read(first.data(), first.size());
+  return std::ranges::count(std::span(first).first(static_cast<std::size_t>(file.gcount())), '\0') > 0;
 }
 
 // Returns the file's content, or the configuration in a record. Throws std::system_error, or std::invalid_argument
-// if the file is a capture, or a record without a configuration.
+// if the file is no text, or a record without a configuration.
 std::string read_file(const std::string& path) {
   if (auto config = recorded_config(path)) {
     if (config->empty()) throw std::invalid_argument("is not in this record; give that of its run");
     return *std::move(config);
   }
   if (path == "-") return {std::istreambuf_iterator<char>(std::cin), {}};
-  if (is_captured(path))
-    throw std::invalid_argument("this is a capture; give the configuration first: imud replay imu.toml flight.pcap");
+  if (is_data(path))
+    throw std::invalid_argument(
+        "this is no text, but data such as a capture; give the configuration first: imud replay imu.toml "
+        "flight.pcap");
   return read_whole(path);
 }
 

@@ -7,7 +7,9 @@
 #include <fstream>
 
 #include "emulator/plan/config.hpp"
+#include "tests/support/compressed.hpp"
 #include "tests/support/text.hpp"
+#include "tests/tools/run_program.hpp"
 #include "tests/transports/scratch_folder.hpp"
 
 namespace imud {
@@ -105,11 +107,14 @@ TEST_F(ConfigTextTest, ACaptureIsNotReadAsAConfiguration) {
     faults_ = Faults(entry.path());
     EXPECT_THROW(read_config_text(entry.path(), {}, faults_), ConfigError) << name;
     ASSERT_EQ(faults_.all().size(), 1U) << name;
-    EXPECT_TRUE(contains(faults_.all()[0], "this is a capture; give the configuration first")) << faults_.all()[0];
+    EXPECT_TRUE(contains(faults_.all()[0], "data such as a capture; give the configuration first"))
+        << faults_.all()[0];
   }
   EXPECT_GE(captures, 2U);
-  EXPECT_TRUE(contains(fault_of("\x1F\x8B\x08"), "this is a capture")) << "gzip";
-  EXPECT_FALSE(contains(fault_of("\n\r\n[imu"), "this is a capture"));
+  const std::string capture = read_file(IMUD_SOURCE_DIR "/tests/captures/jsbsim_c172_10s.pcap");
+  for (const std::string& data : {capture, gzip(capture), zstd(capture)})
+    EXPECT_TRUE(contains(fault_of(data), "such as a capture")) << data.substr(0, 4);
+  EXPECT_FALSE(contains(fault_of("\n\r\n[imu"), "such as a capture"));
 }
 
 TEST_F(ConfigTextTest, AllErrorsOfSyntaxAreNamedAtOnce) {
