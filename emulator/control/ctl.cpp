@@ -24,9 +24,8 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// The time for an answer, for the answer to a change, which waits for a sample, and for a reload, which waits for
-// files, for a sample and for other reloads.
-constexpr Nanoseconds longest_answer = 2s, longest_change = 10s, longest_reload = 60s;
+// A change waits for a sample, a reload for files, for a sample and for other reloads.
+constexpr Nanoseconds longest_change = 10s, longest_reload = 60s;
 
 Nanoseconds longest_wait(const std::string& method) {
   const bool only_asks = method == "status" || method == "list" || method == "subscribe" || method == "unsubscribe";
@@ -229,9 +228,8 @@ int ctl(const CtlOptions& options) {
   const Nanoseconds limit = longest_wait(options.method);
   const auto answer = lines.send(json_line(request)) ? lines.receive(host_now() + limit) : std::nullopt;
   if (!answer && lines)
-    return fail(fmt::format("{}: has not answered within {} s: its process is stopped or too busy, or ends{}",
-                            run_of(options), seconds(limit),
-                            limit == longest_answer ? "" : "; it may execute the request later"));
+    return fail(silent_text(run_of(options), limit) +
+                (limit == longest_answer ? "" : "; it may execute the request later"));
   if (!answer) return fail("the connection has ended before the answer");
   const Json response = Json::parse(*answer, nullptr, false);
   if (!response.is_object()) return fail("the answer is no JSON");

@@ -1,5 +1,6 @@
 #include "emulator/control/line_connection.hpp"
 
+#include <fmt/format.h>
 #include <poll.h>
 #include <sys/socket.h>
 
@@ -9,6 +10,11 @@
 #include <chrono>
 
 namespace imud {
+
+std::string silent_text(std::string_view name, Nanoseconds limit) {
+  return fmt::format("{}: has not answered within {} s: its process is stopped or too busy, or ends", name,
+                     seconds(limit));
+}
 
 bool LineConnection::send(std::string line) {
   line += '\n';

@@ -1,14 +1,21 @@
 // LineConnection: a client's connection to the control protocol of a run.
 #pragma once
 
+#include <chrono>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <utility>
 
 #include "transports/file_descriptor.hpp"
 #include "transports/host_clock.hpp"
 
 namespace imud {
+
+// The time in which a run answers a request that changes nothing.
+inline constexpr Nanoseconds longest_answer = std::chrono::seconds(2);
+// Returns the words about a run that has not answered within `limit`.
+std::string silent_text(std::string_view name, Nanoseconds limit);
 
 // Sends and receives lines over a stream socket. One thread.
 class LineConnection {

@@ -18,10 +18,6 @@
 namespace imud {
 namespace {
 
-using namespace std::chrono_literals;
-
-constexpr Nanoseconds longest = 2s;  // for the answers of all runs
-
 // A run that was found: its answer, or the reason why there is no answer.
 struct Found {
   Instance instance;
@@ -53,8 +49,7 @@ std::string text(const Found& found) {
   if (found.state == "foreign")
     return fmt::format("{}: belongs to another user, who can ask it, as root can ({})\n", name, found.instance.path);
   if (found.state == "silent")
-    return fmt::format("{}: has not answered within {} s: its process is stopped or too busy, or ends ({})\n", name,
-                       std::chrono::duration<double>(longest).count(), found.instance.path);
+    return fmt::format("{} ({})\n", silent_text(name, longest_answer), found.instance.path);
   const Json& run = found.answer;
   const Json none = Json::object();
   const Json& counters = run.contains("counters") ? run["counters"] : none;
@@ -99,7 +94,7 @@ int show_status(const StatusOptions& options) {
   add(instances.foreign, "foreign");
   for (Found& found : all)
     if (found.state == "silent") ask(found);
-  const HostTime until = host_now() + longest;
+  const HostTime until = host_now() + longest_answer;
   int running = 0, silent = 0;
   for (Found& found : all) {
     if (found.state == "silent") take_answer(found, until);

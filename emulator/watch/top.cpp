@@ -109,7 +109,7 @@ int top(const std::string& name) {
   LineConnection run(connect_to_socket(instance->path));
   TopView view(instance->name);
   if (run) request(run, {{"method", "status"}});
-  const auto first = run.receive(host_now() + 2s);
+  const auto first = run.receive(host_now() + longest_answer);
   if (!first) return refuse(fmt::format("{} does not answer: its process is stopped or too busy", instance->name), 1);
   take(view, *first);
   request(run, {{"method", "list"}});
