@@ -69,15 +69,13 @@ ExpectConfig read_expect(TableReader& table, std::size_t index, const std::vecto
     });
     if (found == faults.end())
       table.fault(key, fmt::format("no fault \"{}\" acts on {}", expect.fault_name, expect.imu));
-    else
-      expect.fault = static_cast<std::size_t>(found - faults.begin());
   };
   if (int{table.has("after")} + int{table.has("after_end_of")} + int{table.has("at_s")} > 1)
     table.fault("after", "give one of after, after_end_of and at_s");
   expect.after_end = table.has("after_end_of");
   read_fault(expect.after_end ? "after_end_of" : "after");
   constexpr double longest_s = 1e9;
-  if (!expect.fault || table.has("at_s")) expect.at_s = table.real("at_s", 0, 0, longest_s);
+  if (expect.fault_name.empty() || table.has("at_s")) expect.at_s = table.real("at_s", 0, 0, longest_s);
   require(table, "within_s", "the length of the time, in seconds");
   expect.within_s = table.real("within_s", 1, 1e-6, longest_s);
   table.finish();

@@ -25,7 +25,7 @@ void Expectations::take(const FaultSchedule& schedule, double time_s) noexcept {
   now_s_ = time_s;
   for (Watch& watch : watches_) {
     const ExpectConfig& config = *watch.config;
-    if (config.fault) {
+    if (!config.fault_name.empty()) {
       const bool is_active = schedule.is_active(config.fault_name);
       const bool was_active = watch.was_active;
       watch.was_active = is_active;

@@ -18,7 +18,7 @@ std::string ExpectConfig::text() const {
       text = fmt::format("the host of {} reopens its port within {:g} s", imu, within_s);
       break;
   }
-  if (!fault) return text + fmt::format(", from {:g} s", at_s);
+  if (fault_name.empty()) return text + fmt::format(", from {:g} s", at_s);
   return text + fmt::format(", from the {} of fault {}", after_end ? "end" : "begin", fault_name);
 }
 

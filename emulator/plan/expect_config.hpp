@@ -20,11 +20,10 @@ struct ExpectConfig {
   std::string imu;   // the imu whose host is watched
   What what = What::host_sends;
   HostBytes pattern;
-  std::optional<std::size_t> fault;  // the number of the fault after which the time begins
-  std::string fault_name;            // its name
-  bool after_end = false;            // after the fault's end; false: after its begin
-  double at_s = 0;                   // without a fault: the begin of the time, s after the begin of the run
-  double within_s = 0;               // the length of the time, above 0
+  std::string fault_name;  // the fault after which the time begins; empty: none
+  bool after_end = false;  // after the fault's end; false: after its begin
+  double at_s = 0;         // without a fault: the begin of the time, s after the begin of the run
+  double within_s = 0;     // the length of the time, above 0
 
   // Describes the expectation in a sentence.
   std::string text() const;
