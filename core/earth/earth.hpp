@@ -11,6 +11,8 @@
 #include "core/earth/magnetic_field.hpp"
 #include "core/sample.hpp"
 #include "core/timeline.hpp"
+#include "core/truth.hpp"
+#include "core/units.hpp"
 
 namespace imud {
 
@@ -37,6 +39,11 @@ struct EarthModel {
   static constexpr double largest_angle_error = 1e-5;  // rad, 64 m at the equator
   std::int64_t start_gps_ns = 0;                       // GPS time at truth time 0, ns since 1980-01-06
 };
+
+// Returns the Earth's angle at the time of a truth that has it, rad, from N's x axis to the prime meridian.
+inline double earth_angle_at(const Truth& truth) noexcept {
+  return truth.earth_angle + units::earth_rate * seconds(truth.time - TruthTime{});
+}
 
 // Returns a GPS time, ns since 1980-01-06, as a decimal year: the calendar year and the fraction of it that has
 // passed.

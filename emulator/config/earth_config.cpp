@@ -61,7 +61,7 @@ EarthModel read_earth(TableReader table, TruthConfig& truth) {
                                          EarthFrame::automatic);
   check_frame(table, earth.frame, truth);
   const toml::date_time in_2025(toml::date(2025, 1, 1), toml::time(0, 0, 0), toml::time_offset());
-  const std::int64_t start = utc_s(table, "start", in_2025, 2017, 2100);
+  const std::int64_t start = utc_s(table, "start", in_2025, first_year_of_start, 2100);
   earth.start_gps_ns = gps_ns_from_unix(start);
   if (earth.frame != EarthFrame::none && decimal_year(earth.start_gps_ns) > igrf14_end)
     table.warn("start", fmt::format("IGRF-14 ends in {}; the magnetic field is extrapolated", igrf14_end));

@@ -34,6 +34,7 @@
 namespace imud {
 
 inline constexpr const char* default_truth_format = "native";
+inline constexpr int first_year_of_start = 2017;  // of the key earth.start
 
 // The clock that paces the samples: the host's, each truth that arrives, or a capture as fast as it can be read.
 enum class ClockMode : std::uint8_t { realtime, lockstep, fast };

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <utility>
 
+#include "core/earth/earth.hpp"
 #include "core/gps_time.hpp"
 #include "core/units.hpp"
 #include "emulator/truth/remark_text.hpp"
@@ -58,7 +59,7 @@ std::size_t PlaceWatch::describe_place(const Truth& truth, std::span<char> room)
     return 0;
   }
   if (earth_.frame == EarthFrame::local) {
-    const double turned = truth.earth_angle + units::earth_rate * seconds(truth.time - TruthTime{});
+    const double turned = earth_angle_at(truth);
     const Geodetic place = distance > deepest ? geodetic_of(truth.r_BN_N) : Geodetic{};
     return write_remark(
         room,
@@ -106,7 +107,6 @@ std::size_t PlaceWatch::describe_date(const Truth& truth, std::span<char> room) 
   if (!has_place || !truth.has_date || std::abs(truth.start_gps_ns - earth_.start_gps_ns) <= tolerance_ns) return 0;
   const Date own(truth.start_gps_ns), configured(earth_.start_gps_ns);
   constexpr std::int64_t hour = 3600, minute = 60;
-  constexpr int first_year_of_start = 2017;  // of the key earth.start
   const std::string_view remedy =
       own.year >= first_year_of_start
           ? "give the truth's as earth.start"
