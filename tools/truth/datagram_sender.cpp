@@ -86,26 +86,25 @@ void DatagramSender::count_unheard() {
 }
 
 void DatagramSender::transmit(std::span<const std::byte> datagram) {
-  // Datagrams that are sent without pacing may fill the interface's queue for a moment. A connection is waited for
-  // for 1 s in all, not for as long as for the queue with each datagram, whose time would pass.
+  // Datagrams that are sent without pacing may fill the interface's queue for a moment. The wait for a connection is
+  // 1 s in all: with each datagram it would let the times of the others pass.
+  constexpr int most = 9;
   const bool is_connected = port_.state() == PortState::ready;
-  const int attempts = is_connected ? 10 : std::clamp(attempts_to_connect_, 1, 10);
   const Frame frame{datagram};
   count_unheard();
-  for (int attempt = 0; attempt < attempts; ++attempt) {
+  for (int waits = is_connected ? most : std::min(most, waits_to_connect_);; --waits) {
     const std::uint64_t before = port_.counters().sent;
     port_.send({&frame, 1});
     if (port_.counters().sent != before) {
       ++counters_.sent;
       counters_.bytes += datagram.size();
-      attempts_to_connect_ = most_to_connect;
+      waits_to_connect_ = most_to_connect;
       return;
     }
-    if (attempts == 1) break;
-    if (port_.state() == PortState::lost) break;
+    if (waits == 0 || port_.state() == PortState::lost) break;
     pollfd room{port_.descriptor(), POLLOUT, 0};
     ::poll(&room, 1, 10);
-    if (!is_connected) --attempts_to_connect_;
+    if (!is_connected) --waits_to_connect_;
   }
   ++counters_.refused;
 }

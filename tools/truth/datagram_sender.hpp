@@ -59,7 +59,7 @@ class DatagramSender {
   DatagramFaults faults_;
   const bool is_datagram_socket_;
   static constexpr int most_to_connect = 100;  // of 10 ms
-  int attempts_to_connect_ = most_to_connect;  // that are left
+  int waits_to_connect_ = most_to_connect;     // that are left
   Counters counters_;
   DurationHistogram lateness_;
   DurationHistogram round_trip_;

@@ -5,10 +5,11 @@
 #include <cstddef>
 #include <iterator>
 #include <string_view>
+#include <vector>
 
 #include "core/attitude.hpp"
+#include "core/earth/earth.hpp"
 #include "core/gps_time.hpp"
-#include "core/units.hpp"
 
 namespace imud {
 namespace {
@@ -27,11 +28,6 @@ constexpr unsigned part_of(VehicleState state) { return TruthParts::states << st
 template <VehicleState state>
 Vector3 state_of(const Truth& truth) {
   return {truth.vehicle[state].value_or(0.0), 0, 0};
-}
-
-// Returns the angle at the time of the truth, which is the one that the vocabulary has.
-double earth_angle_of(const Truth& truth) {
-  return truth.earth_angle + units::earth_rate * (static_cast<double>(truth.time.ns) * 1e-9);
 }
 
 constexpr Columns columns[] = {
@@ -54,7 +50,7 @@ constexpr Columns columns[] = {
     {"temperature_c", "temperature_c", TruthParts::temperature, "temperature", 1,
      [](const Truth& t) { return Vector3(t.temperature_c, 0, 0); }},
     {"", "earth_angle_rad", TruthParts::earth_angle, "place on the Earth", 1,
-     [](const Truth& t) { return Vector3(earth_angle_of(t), 0, 0); }},
+     [](const Truth& t) { return Vector3(earth_angle_at(t), 0, 0); }},
     {"", "magnetic_field_x_t,magnetic_field_y_t,magnetic_field_z_t", TruthParts::magnetic_field, "magnetic field", 3,
      [](const Truth& t) { return t.magnetic_field_B; }},
     {"", "pressure_pa", TruthParts::pressure, "pressure", 1,
@@ -97,11 +93,12 @@ unsigned writable_parts_of(const Truth& first) {
 }
 
 std::string names_of_parts(unsigned parts) {
-  std::string names = (parts & TruthParts::date) != 0 ? "date" : "";
-  if ((parts & TruthParts::stamp) != 0) names.append(names.empty() ? "" : ", ").append("stamp");
+  std::vector<std::string_view> names;
+  if ((parts & TruthParts::date) != 0) names.push_back("date");
+  if ((parts & TruthParts::stamp) != 0) names.push_back("stamp");
   for (const Columns& group : columns)
-    if ((group.part & parts) != 0) names.append(names.empty() ? "" : ", ").append(group.words);
-  return names;
+    if ((group.part & parts) != 0) names.push_back(group.words);
+  return fmt::format("{}", fmt::join(names, ", "));
 }
 
 std::string truth_csv_header(unsigned parts) {

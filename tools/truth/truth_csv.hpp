@@ -33,8 +33,9 @@ unsigned writable_parts_of(const Truth& first);
 // Returns the names of these parts in words, separated by commas.
 std::string names_of_parts(unsigned parts);
 
-// Returns the header row, with its LF. They are Basilisk's names; with parts that have none there, all are quantities
-// of truth. With a date the time is GPS time, which its reader counts from the first row.
+// Returns the header row, with its LF. The columns have Basilisk's names. If a part has no name there, all columns
+// have the names of quantities of truth. With a date the time is GPS time, which its reader counts from the first
+// row.
 std::string truth_csv_header(unsigned parts = TruthParts::motion);
 
 // Returns a row with these parts, with its LF. Requires that `truth` has these parts. Each double has the shortest
