@@ -15,9 +15,10 @@ class FaultsAllocate : public RunTest {};
 TEST_F(FaultsAllocate, NothingOnTheWire) {
   WireBench bench("native");
   std::vector<ActiveFault> active;
-  for (std::uint32_t i = 0; i < 40; ++i)
+  for (std::uint32_t i = 0; i < WirePort::Line{}.most + 8; ++i)
     active.push_back(WireWindow{static_cast<WireFault>(i % wire_fault_kinds().size()), {0.1, 1, 1}, 0, 100, i}.at(0));
   std::erase_if(active, [](const ActiveFault& fault) { return wire_fault(*fault.kind) == WireFault::line_break; });
+  ASSERT_GT(active.size(), WirePort::Line{}.most);
   bench.inner->keeps = false;
   const std::vector<std::byte> bytes(4);
   const Frame frame{bytes};

@@ -7,6 +7,7 @@
 
 #include "tests/support/free_port.hpp"
 #include "tests/support/text.hpp"
+#include "tests/tools/processor_time.hpp"
 #include "tests/tools/run_program.hpp"
 #include "tests/tools/sample_stream.hpp"
 #include "tests/transports/capture_builder.hpp"
@@ -214,22 +215,12 @@ TEST(ImuDecode, WaitsWithoutSpinning) {
   ASSERT_EQ(::mkfifo((folder / "fifo").c_str(), 0600), 0);
   Program decode("imu-decode");
   decode.start({"native", "file:" + (folder / "fifo"), "--quiet"});
-  // utime and stime, in ticks of 10 ms.
-  const auto processor_time = [&] {
-    const std::string stat = read_file("/proc/" + std::to_string(decode.pid()) + "/stat");
-    std::istringstream fields(stat.substr(stat.rfind(')') + 1));
-    std::string skipped;
-    for (int i = 0; i < 11; ++i) fields >> skipped;
-    long user = -1, system = -1;
-    fields >> user >> system;
-    EXPECT_GE(user, 0);
-    return user + system;
-  };
+  const auto processor_time = [&] { return processor_time_s(fmt::format("/proc/{}/stat", decode.pid())); };
   // Once it has started, which takes a sanitized program on a busy machine a while.
   EXPECT_TRUE(eventually([&] {
-    const long before = processor_time();
+    const double before = processor_time();
     std::this_thread::sleep_for(std::chrono::milliseconds(300));
-    return processor_time() - before <= 2;
+    return processor_time() - before < 0.025;  // in steps of 10 ms
   }));
 
   const auto samples = steady_samples(10, 100);

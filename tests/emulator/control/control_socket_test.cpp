@@ -5,15 +5,14 @@
 #include <unistd.h>
 
 #include <fstream>
-#include <iterator>
 #include <random>
-#include <sstream>
 #include <utility>
 
 #include "emulator/control/control_server.hpp"
 #include "emulator/control/token.hpp"
 #include "emulator/ground/text_file.hpp"
 #include "tests/emulator/control/controlled_run.hpp"
+#include "tests/tools/processor_time.hpp"
 
 namespace imud {
 namespace {
@@ -117,22 +116,14 @@ TEST_F(ControlSocket, WaitsForRoomWithTooManyOpenFiles) {
   start(imud, running());
   ASSERT_TRUE(imud.wait_for_errors("ready"));
   EXPECT_GT(ControlClient(path("socket")).call("status")["result"]["pid"].get<int>(), 0);
-  const std::string process = fmt::format("/proc/{}/", imud.pid());
   rlimit before{};
   ASSERT_EQ(::prlimit(imud.pid(), RLIMIT_NOFILE, nullptr, &before), 0);
   const rlimit none{0, before.rlim_max};
   ASSERT_EQ(::prlimit(imud.pid(), RLIMIT_NOFILE, &none, nullptr), 0);
   ControlClient client(path("socket"));
   ASSERT_TRUE(imud.wait_for_errors("a connection cannot be accepted: Too many open files"));
-  // The seconds that the thread of the clients has computed, by proc(5): utime and stime.
-  const auto used = [&] {
-    std::ifstream file(process + fmt::format("task/{}/stat", imud.pid()));
-    const std::string text(std::istreambuf_iterator<char>(file), {});
-    std::istringstream fields(text.substr(text.rfind(')') + 2));
-    const std::vector<std::string> all(std::istream_iterator<std::string>(fields), {});
-    return static_cast<double>(std::stoul(all.at(11)) + std::stoul(all.at(12))) /
-           static_cast<double>(::sysconf(_SC_CLK_TCK));
-  };
+  // Of the thread of the clients.
+  const auto used = [&] { return processor_time_s(fmt::format("/proc/{0}/task/{0}/stat", imud.pid())); };
   const double begin_s = used();
   std::this_thread::sleep_for(std::chrono::seconds(1));
   EXPECT_LT(used() - begin_s, 0.1);
