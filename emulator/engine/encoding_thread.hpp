@@ -41,8 +41,8 @@ class EncodingThread {
   void finish() noexcept;
 
  private:
-  // Four cache lines. A replay waits for the lines that go from one processor to the other: as whole samples, with
-  // nine lines each, a replay of `native` took up to a third more time beside other programs.
+  // Four cache lines. A replay waits for the lines that go from one processor to the other; a whole sample would have
+  // nine.
   struct alignas(64) Item {
     Channel* channel = nullptr;
     Channel::Outgoing outgoing;

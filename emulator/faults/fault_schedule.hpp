@@ -85,7 +85,7 @@ class FaultSchedule {
     double until_s;
     SolutionErrors largest = {};
   };
-  // Times are compared in whole ns.
+  // Begins and ends are compared in whole ns.
   struct State {
     const FaultConfig* fault;
     std::uint32_t number;

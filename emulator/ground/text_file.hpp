@@ -36,8 +36,8 @@ class TextFile {
   bool is_regular() const noexcept;
   // Replaces the content of a regular file, which is never empty meanwhile; writes to anything else as write() does.
   void replace(std::string_view text);
-  // Opens the file again; creates it if it was renamed or removed. Its content stays. Throws
-  // OpenError. Standard streams stay as they are.
+  // Opens the file again; creates it if it was renamed or removed. Its content stays. Throws OpenError. Standard
+  // streams stay as they are.
   void reopen();
 
  private:

@@ -82,8 +82,9 @@ void Channel::prepare(const std::optional<TruthTime>& truth, bool silent) noexce
   }
   const SampleFeed* const feed = awaited.feed();
   Sample& sample = sensor.sample();
-  // Each member is set by itself, because a temporary Prepared would be aligned on the stack as `prepared` is. So is
-  // the optional time: a processor cannot read two values together that it has just written one after the other.
+  // Each member is set by itself, because a temporary Prepared would be aligned on the stack as `prepared` is. The
+  // optional time is set in two steps, because a processor cannot read two values together just after they were
+  // written one by one.
   prepared.sample = &sample;
   prepared.truth.reset();
   if (truth) prepared.truth = *truth;

@@ -14,8 +14,8 @@
 namespace imud {
 
 // The real host, which counts how often it is asked. The thread that samples asks it at least every 20 ms, also
-// while it waits: in lockstep without truth, or in silence. The thread waits longer only
-// for room in a port that is no file: up to 2 s after the port has last accepted something.
+// while it waits: in lockstep without truth, or in silence. The thread waits longer only for room in a port that is
+// no file: up to 2 s after the port has last accepted something.
 class CountingHost final : public Host {
  public:
   // Must be made by the thread that will wait, as MonotonicHost. `uses` has no other writer, and outlives this.
