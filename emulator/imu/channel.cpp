@@ -59,9 +59,8 @@ void Channel::cycle_power(HostTime now) noexcept {
   start_device(sensor.clock().now(now));
 }
 
-void Channel::set_faults(std::span<const ActiveFault> wire, std::span<const ActiveFault> power) noexcept {
-  lines.set_faults(wire, sensor.sample().time);
-  const Unit::PowerChange change = unit.set_power_faults(power);
+void Channel::set_power_faults(std::span<const ActiveFault> faults_of_power) noexcept {
+  const Unit::PowerChange change = unit.set_power_faults(faults_of_power);
   if (change == Unit::PowerChange::starts) sensor.restart();
   if (change == Unit::PowerChange::goes_off) sensor.imu().power_off();
 }
@@ -90,8 +89,7 @@ void Channel::prepare(const std::optional<TruthTime>& truth, bool silent) noexce
   if (truth) prepared.truth = *truth;
   prepared.is_silent = silent;
   prepared.is_shown = feed != nullptr && feed->wants(number, sample.counter);
-  if (faults && !(faults->are_quiet() && unit.is_steady()))
-    set_faults(faults->active(FaultSeam::wire), faults->active(FaultSeam::power));
+  if (faults && !(faults->are_quiet() && unit.is_steady())) set_power_faults(faults->active(FaultSeam::power));
 }
 
 void Channel::encode(const Outgoing& outgoing, bool skipped) noexcept {
@@ -104,6 +102,7 @@ void Channel::encode(const Outgoing& outgoing, bool skipped) noexcept {
     if (!faults->are_quiet()) unit.apply_clock_fault();
   }
   poll_until(time, skipped);
+  if (faults && !faults->are_quiet()) lines.set_faults(faults->active(FaultSeam::wire), time);
   if (unit.apply_power_faults()) {
     start_device(time);
     poll_until(time, skipped);

@@ -72,9 +72,9 @@ class Channel {
   void exchange(Reload::Sensor& next, HostTime now) noexcept;
   // Exchanges a port. Frames that the old port holds back stay in the old port.
   void exchange(Reload::Line& next) noexcept;
-  // Sets the faults of the last sample, after enable_faults(): faults of the wire act on all frames from now on,
-  // faults of the power at the sample's instant. After a start the next sample has new turn-on errors.
-  void set_faults(std::span<const ActiveFault> wire, std::span<const ActiveFault> power) noexcept;
+  // Sets the faults of the power at the last sample, after enable_faults(). They act at the sample's instant. After a
+  // start the next sample has new turn-on errors.
+  void set_power_faults(std::span<const ActiveFault> faults_of_power) noexcept;
 
   // --- Samples, after Sensor::sense() ---
   // A sample on its way to the device and the ports.
@@ -87,11 +87,12 @@ class Channel {
   // On a cache line of its own, because an EncodingThread uses the rest of the channel.
   struct alignas(64) Prepared : Outgoing {};
   Prepared prepared;  // by prepare()
-  // Prepares the sample that Sensor::sense() has taken, and sets its faults.
+  // Prepares the sample that Sensor::sense() has taken, and sets its faults of the power.
   void prepare(const std::optional<TruthTime>& truth, bool silent) noexcept;
-  // Polls the device's deadlines up to the sample, and sends their frames. Then makes the frames of the sample. If
-  // the sample is `skipped`, it counts as skipped, all these frames are discarded, and transmit() must not follow.
-  // transmit() and count_sample() must be called for the same sample.
+  // Polls the device's deadlines up to the sample, and sends their frames. Then the sample's faults of the wire act
+  // on all frames, and the frames of the sample are made. If the sample is `skipped`, it counts as skipped, all these
+  // frames are discarded, and transmit() must not follow. transmit() and count_sample() must be called for the same
+  // sample.
   void encode(const Outgoing& outgoing, bool skipped = false) noexcept;
   // Sends the sample's frames, and the pulse of the output pin.
   void transmit() noexcept;

@@ -44,7 +44,7 @@ TEST_F(FaultsAllocate, NothingOnThePower) {
     const std::span<const ActiveFault> active =
         k % 20 < 10 ? std::span<const ActiveFault>(fault) : std::span<const ActiveFault>();
     const std::uint64_t before = allocations();
-    unit.channel->set_faults({}, active);
+    unit.channel->set_power_faults(active);
     unit.step();
     ASSERT_EQ(allocations(), before) << k;
   }

@@ -61,7 +61,7 @@ class PoweredUnit {
   // Returns what leaves with the next sample.
   std::vector<std::byte> step(std::span<const PowerWindow> windows = {}) {
     channel->sensor.sense_at_rest(channel->sensor.grid().nominal_offset(next), next);
-    if (!windows.empty()) channel->set_faults({}, active_at(windows, next));
+    if (!windows.empty()) channel->set_power_faults(active_at(windows, next));
     channel->prepare(std::nullopt, false);
     channel->encode(channel->prepared);
     channel->transmit();

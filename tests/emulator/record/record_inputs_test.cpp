@@ -237,5 +237,19 @@ TEST_F(RecordInputs, AFaultThatBeginsByTheHostIsRepeated) {
   EXPECT_EQ(changed(sent(at_time + "at_s = 0.25\n", "")), later);
 }
 
+// A silence begins with every third sample of 10 ms. A heartbeat may leave before that sample.
+TEST_F(RecordInputs, FramesBetweenSamplesBeforeAFaultOfTheWireAreRepeated) {
+  const Config config = imu(udp,
+                            "name = \"a\"\nprotocol = \"canopen\"\nport = \"canfile:x\"\nrate_hz = 100\n"
+                            "gyro.max_rad_per_s = 100\naccelerometer.max_m_per_s2 = 1000\ndevice.heartbeat_ms = 37\n"
+                            "[[fault]]\ntarget = \"wire\"\nkind = \"silence\"\nat_s = 0.02\nfor_s = 0.01\n"
+                            "every_s = 0.03\ntimes = 0\n");
+  SimulatedRun run(config);
+  for (int k = 0; k < 500; ++k) run.truth(0.505 + 0.01 * k, Swing::truth(at_s(0.01 * k)));
+  const std::vector<std::string> sent = record(run, 1, 6);
+  EXPECT_GT(sent[0].size(), 200U);
+  EXPECT_TRUE(repeat(config) == sent);
+}
+
 }  // namespace
 }  // namespace imud
