@@ -49,6 +49,8 @@ std::string_view cause(TruthResult result) noexcept {
       return "range";
     case TruthResult::no_columns:
       return "columns";
+    case TruthResult::withheld:
+      return "withheld";
   }
   return "unknown";
 }

@@ -27,6 +27,7 @@ enum class TruthResult : std::uint8_t {
   not_finite,    // NaN or infinity
   out_of_range,  // finite, but impossible for a vehicle (core/truth.hpp), or contradictory
   no_columns,    // a row before its header, and no columns configured; a header that lacks a required column
+  withheld,      // whole, but a fault of the truth delays or drops it
 };
 
 // The frame N of a format's truths, as far as its settings determine it, and whether they have a rate.

@@ -318,16 +318,21 @@ void RecordedRun::propose(const RecordEvent& event) noexcept {
   }
 }
 
-// Pieces of a stream may have come without a record in them.
+// Pieces of a stream may have come without a record in them. Records up to version 2 have no events of withheld
+// truths.
 void RecordedRun::process_truth(const RecordEvent& event) noexcept {
   TruthIntake& intake = engine_->intake();
   if (event.flags == static_cast<std::uint8_t>(TruthIntake::Outcome::new_run)) take_awaited(true);
+  using Outcome = TruthIntake::Outcome;
   constexpr int most = 1024;
-  auto outcome = TruthIntake::Outcome::nothing;
-  for (int i = 0; i < most && outcome == TruthIntake::Outcome::nothing; ++i)
+  const bool is_withheld = event.flags == static_cast<std::uint8_t>(Outcome::withheld);
+  auto outcome = Outcome::nothing;
+  for (int i = 0; i < most && (outcome == Outcome::nothing || (outcome == Outcome::withheld && !is_withheld));) {
     outcome = engine_->apply(Step::truth(TruthTime{event.b}));
+    if (outcome == Outcome::nothing) ++i;
+  }
   take_awaited(false);
-  const bool has_time = outcome != TruthIntake::Outcome::ignored && outcome != TruthIntake::Outcome::nothing;
+  const bool has_time = outcome != Outcome::ignored && outcome != Outcome::nothing && outcome != Outcome::withheld;
   if (static_cast<std::uint8_t>(outcome) != event.flags || (has_time && intake.truth().time.ns != event.a))
     ++differing_;
 }

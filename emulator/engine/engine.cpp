@@ -196,7 +196,8 @@ void Engine::keep(RecordEvent event, std::uint16_t imu) noexcept {
   if (!sink_.keeps()) return outcome;
   RecordEvent event = step.event;
   event.flags = static_cast<std::uint8_t>(outcome);
-  event.a = outcome == TruthIntake::Outcome::ignored ? 0 : intake_.truth().time.ns;
+  const bool has_time = outcome != TruthIntake::Outcome::ignored && outcome != TruthIntake::Outcome::withheld;
+  event.a = has_time ? intake_.truth().time.ns : 0;
   keep(event, step.imu);
   return outcome;
 }

@@ -89,6 +89,7 @@ class FaultyTruthDecoder final : public TruthDecoder, public TruthFaults {
       losses_ = decoder_->losses();
       if (result != TruthResult::ok) return result;
       if (const auto changed = apply(truth)) return changed;
+      if (waiting_.size() <= late_) return TruthResult::withheld;
     }
   }
   std::size_t describe(TruthResult result, std::span<char> room) const noexcept override {

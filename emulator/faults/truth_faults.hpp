@@ -24,7 +24,8 @@ class TruthFaults {
 // Returns a decoder that applies the faults of truth to the truths of `decoder`; `decoder` itself if there are none.
 // Times are truth times since the first truth of the run. Sample numbers count truths. `faults` and `log` must
 // outlive the returned decoder. `most`: the number of faults that may be added. `all` is set to the faults of the
-// decoder, or to nullptr. A connection that is lost and comes back is no new run.
+// decoder, or to nullptr. A connection that is lost and comes back is no new run. For a truth that a fault delays or
+// drops, the decoder's next() returns TruthResult::withheld.
 std::unique_ptr<TruthDecoder> with_faults(std::unique_ptr<TruthDecoder> decoder, std::span<const FaultConfig> faults,
                                           std::uint64_t seed, FaultLog& log, std::size_t most, TruthFaults*& all);
 

@@ -229,6 +229,7 @@ TruthIntake::Outcome TruthIntake::take(TruthTime watermark) noexcept {
     count_truncated();
     return take_derived(watermark).value_or(Outcome::nothing);
   }
+  if (*result == TruthResult::withheld) return Outcome::withheld;
   counters_.received.count();
   if (*result == TruthResult::no_state) {
     remark_columns();

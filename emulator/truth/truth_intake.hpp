@@ -35,6 +35,7 @@ class TruthIntake {
     accepted,  // the truth is now the newest of the timeline
     inserted,  // the truth was reordered, and is inserted before the newest
     new_run,   // the truth has begun a new run of the timeline
+    withheld,  // a fault delays or drops the truth
   };
   // Takes one record, if one has arrived. Never waits. One datagram may hold several records: wait for the
   // descriptor only after take() has returned `nothing`. `watermark`: see Timeline::push().

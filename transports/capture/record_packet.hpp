@@ -41,7 +41,7 @@ struct RecordEvent {
     power_on,     // of an imu. a: host time
     power_cycle,  // of all imus. a: host time; b: when deadlines were polled last
     truth,        // a record of the truth port was processed. flags: TruthIntake::Outcome; a: time of the truth, if
-                  // it was not ignored; b: the watermark
+                  // it was neither ignored nor withheld; b: the watermark
     disconnected,  // the simulator has disconnected from the truth port
     forget_past,   // the truth before the newest was discarded
     run,        // a run of the truth begins, or after a leap goes on. flags: goes_on; b: when deadlines were polled
@@ -70,7 +70,8 @@ struct RecordEvent {
   static constexpr std::uint8_t skipped = 1;         // transmit
   static constexpr std::uint16_t all_imus = 0xFFFF;  // command
   // In records of version 1 a run also began after a pause of the simulator; they are repeated as they were made.
-  static constexpr std::int64_t version = 2, oldest_version = 1;
+  // Records up to version 2 have no event for a truth that a fault withholds.
+  static constexpr std::int64_t version = 3, oldest_version = 1;
   static constexpr std::size_t size = 32;
 
   Type type = Type::begin;

@@ -30,7 +30,10 @@ class GivenTruths final : public TruthDecoder {
 std::vector<std::int64_t> taken(TruthDecoder& decoder) {
   std::vector<std::int64_t> times;
   Truth truth;
-  while (decoder.next(truth)) times.push_back(truth.time.ns);
+  while (const auto result = decoder.next(truth)) {
+    if (*result == TruthResult::ok) times.push_back(truth.time.ns);
+    EXPECT_TRUE(*result == TruthResult::ok || *result == TruthResult::withheld) << cause(*result);
+  }
   return times;
 }
 

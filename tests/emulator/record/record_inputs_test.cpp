@@ -237,6 +237,24 @@ TEST_F(RecordInputs, AFaultThatBeginsByTheHostIsRepeated) {
   EXPECT_EQ(changed(sent(at_time + "at_s = 0.25\n", "")), later);
 }
 
+// Truth is lost from its time 0.3 s on, until a command ends the fault between two truths.
+TEST_F(RecordInputs, TheEndOfALossOfTruthIsRepeated) {
+  const Config config =
+      imu(std::string(udp) + "\nextrapolate_ms = 20",
+          std::string(native) + "name = \"a\"\n[[fault]]\ntarget = \"truth\"\nkind = \"lost\"\nat_s = 0.3\n");
+  SimulatedRun run(config);
+  fly(run);
+  bool has_ended = false;
+  run.host().on_wait = [&] {
+    if (has_ended || run.host().now() < run.at(1.105)) return;
+    has_ended = true;
+    run.engine().apply(Step::command({.kind = Command::Kind::fault_clear}, run.host().now()));
+  };
+  const std::vector<std::string> sent = record(run, 1, 3);
+  EXPECT_EQ(run.truth_counters().accepted, 200U - 31);
+  EXPECT_TRUE(repeat(config) == sent);
+}
+
 // A silence begins with every third sample of 10 ms. A heartbeat may leave before that sample.
 TEST_F(RecordInputs, FramesBetweenSamplesBeforeAFaultOfTheWireAreRepeated) {
   const Config config = imu(udp,
