@@ -66,7 +66,6 @@ class ChannelFaults {
   void set_rate(double rate_hz) noexcept {
     period_ = nanoseconds(1 / rate_hz);
     schedule_.set_rate(rate_hz);
-    messages_.set_rate(rate_hz);
   }
   // The faults that change, delay or drop messages.
   MessageFaults& messages() noexcept { return messages_; }

@@ -22,7 +22,7 @@ Nanoseconds time_after(Nanoseconds from, double s) noexcept {
 
 FaultSchedule::FaultSchedule(std::span<const FaultConfig> faults, std::span<const Normals> normals,
                              std::string_view imu, std::uint16_t imu_number, double rate_hz, FaultLog& log)
-    : normals_(normals), imu_(imu_number), period_s_(1 / rate_hz), log_(log) {
+    : normals_(normals), imu_(imu_number), rate_hz_(rate_hz), period_s_(1 / rate_hz), log_(log) {
   states_.reserve(normals.size());
   active_.reserve(normals.size());
   for (std::size_t i = 0; i < faults.size(); ++i)
@@ -56,6 +56,16 @@ void FaultSchedule::go_on_after_rest(State& state) const noexcept {
 void FaultSchedule::finish() noexcept {
   end_all();
   begin_run();
+}
+
+void FaultSchedule::set_rate(double rate_hz) noexcept {
+  for (State& state : states_) {
+    if (!state.is_active) continue;
+    state.earlier = state.active.since;
+    state.earlier_s = state.active.since_s;
+  }
+  rate_hz_ = rate_hz;
+  period_s_ = 1 / rate_hz;
 }
 
 void FaultSchedule::begin_run() noexcept {
@@ -138,6 +148,8 @@ void FaultSchedule::begin(State& state) noexcept {
   }
   state.is_active = true;
   state.first = next_;
+  state.earlier = 0;
+  state.earlier_s = 0;
   state.end_s = fault.has_duration ? state.begin_s + draw(state, fault.duration_s, draw_of_duration)
                                    : std::numeric_limits<double>::infinity();
   state.end = time_after(state.from, state.end_s);
@@ -273,6 +285,7 @@ void FaultSchedule::take_at(Nanoseconds time, const Sample& sample, std::optiona
     const FaultConfig& fault = *state.fault;
     ActiveFault& active = state.active;
     active.since = next_ - state.first;
+    active.since_s = state.earlier_s + static_cast<double>(active.since - state.earlier) / rate_hz_;
     // The next sample may be later by the rounding of its time and by the error of the sensor's clock.
     active.is_last = is_over(state, next_ + 1, time_after(time, 1.001 * period_s_));
     active.weight = 1;

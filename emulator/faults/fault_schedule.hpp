@@ -25,7 +25,7 @@ class FaultSchedule {
   FaultSchedule(std::span<const FaultConfig> faults, std::span<const Normals> normals, std::string_view imu,
                 std::uint16_t imu_number, double rate_hz, FaultLog& log);
   // Sets the rate of the samples from the next sample on.
-  void set_rate(double rate_hz) noexcept { period_s_ = 1 / rate_hz; }
+  void set_rate(double rate_hz) noexcept;
 
   bool empty() const noexcept { return states_.empty(); }
   // Returns true if a fault acts on the sample.
@@ -105,6 +105,8 @@ class FaultSchedule {
     double begin_s = 0, end_s = 0;  // of the occurrence, s after `from`
     Nanoseconds end{0};             // the same end as a time
     std::uint64_t first = 0;        // its first sample
+    std::uint64_t earlier = 0;      // its samples at earlier rates, without the first one
+    double earlier_s = 0;           // their periods
     ActiveFault active = {};
     std::optional<Effect> effect = {};  // of the last occurrence, as long as it is judged
   };
@@ -125,7 +127,7 @@ class FaultSchedule {
 
   const std::span<const Normals> normals_;
   const std::uint16_t imu_;
-  double period_s_;
+  double rate_hz_, period_s_;
   FaultLog& log_;
   std::vector<State> states_;        // by seam, then by number
   std::vector<ActiveFault> active_;  // by seam, then by number

@@ -112,7 +112,7 @@ std::span<const FaultKind> message_fault_kinds() noexcept { return message_table
 
 MessageFaults::MessageFaults(std::span<const FaultConfig> faults, std::span<const Normals> normals,
                              std::string_view imu, double rate_hz)
-    : rate_hz_(rate_hz), normals_(normals), ring_(ring_size(faults, imu, rate_hz)) {
+    : normals_(normals), ring_(ring_size(faults, imu, rate_hz)) {
   next_bytes_.reserve(FrameBuffer::max_bytes);
   released_.reserve(FrameBuffer::max_bytes);
 }
@@ -127,7 +127,6 @@ void MessageFaults::take(std::span<const ActiveFault> faults, std::uint64_t k, c
   delay_ = clock_offset_ = Nanoseconds{0};
   for (const ActiveFault& fault : faults) {
     const double p = fault.parameters[0];
-    const double since_s = static_cast<double>(fault.since) / rate_hz_;
     const auto uniform = [&] { return normals_[fault.number].uniform(Quantity::rate, Process::fault_noise, k); };
     switch (fault.kind->code.as<MessageFault>()) {
       case MessageFault::missing:
@@ -172,7 +171,7 @@ void MessageFaults::take(std::span<const ActiveFault> faults, std::uint64_t k, c
         clock_offset_ += nanoseconds(p);
         break;
       case MessageFault::clock_drift:
-        clock_offset_ += nanoseconds(1e-6 * p * since_s);
+        clock_offset_ += nanoseconds(1e-6 * p * fault.since_s);
         break;
       case MessageFault::count:
         break;

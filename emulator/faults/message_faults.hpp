@@ -24,9 +24,6 @@ class MessageFaults {
   // `normals`: by the faults' numbers; they must outlive this.
   MessageFaults(std::span<const FaultConfig> faults, std::span<const Normals> normals, std::string_view imu,
                 double rate_hz);
-  // Sets the rate of the samples from the next one on.
-  void set_rate(double rate_hz) noexcept { rate_hz_ = rate_hz; }
-
   // Keeps the counter of a sample on which no fault acts, for the next one.
   void remember(const Sample& sample) noexcept { counter_ = sample.counter; }
   // Determines the changes to a sample and its frames. `k`: its number in its run.
@@ -57,7 +54,6 @@ class MessageFaults {
   void withhold(const FrameBuffer& frames, DeviceTime due) noexcept;
   void pop() noexcept;
 
-  double rate_hz_;
   const std::span<const Normals> normals_;
   // The withheld frames after the next one: the packet's time is the due time, its interface the UART.
   PacketRing ring_;

@@ -93,7 +93,6 @@ void SensorFaults::apply_to_triad(const ActiveFault& fault, std::uint64_t k, dou
   const Vector3 increment = triad.increment != nullptr ? *triad.increment : Vector3::Zero();
   Vector3 after = value, other = increment;
   const double p = fault.parameters[0], w = fault.weight;
-  const double since_s = static_cast<double>(fault.since) / model_.rate_hz;
   const Normals& normals = normals_[fault.number];
   const auto add = [&](const Vector3& change) {
     after = before + change;
@@ -108,9 +107,9 @@ void SensorFaults::apply_to_triad(const ActiveFault& fault, std::uint64_t k, dou
       add(Vector3::Constant(w * p));
       break;
     case SensorFault::drift:
-      after = before + Vector3::Constant(p * since_s);
+      after = before + Vector3::Constant(p * fault.since_s);
       // Adds the integral of the drift over the step, which may begin before the fault.
-      other = increment + Vector3::Constant(fault.since > 0 ? step_s * p * (since_s - 0.5 * step_s) : 0.0);
+      other = increment + Vector3::Constant(fault.since > 0 ? step_s * p * (fault.since_s - 0.5 * step_s) : 0.0);
       break;
     case SensorFault::scale:
       after = (1 + w * (p - 1)) * before;
@@ -171,11 +170,11 @@ void SensorFaults::apply_to_triad(const ActiveFault& fault, std::uint64_t k, dou
       }
       break;
     case SensorFault::vibration: {
-      const double omega = 2 * units::pi * fault.parameters[1], begin_s = std::max(0.0, since_s - step_s);
-      after = before + Vector3::Constant(w * p * elementary::sincos(omega * since_s).sin);
-      other = increment +
-              Vector3::Constant(w * p / omega *
-                                (elementary::sincos(omega * begin_s).cos - elementary::sincos(omega * since_s).cos));
+      const double omega = 2 * units::pi * fault.parameters[1], begin_s = std::max(0.0, fault.since_s - step_s);
+      after = before + Vector3::Constant(w * p * elementary::sincos(omega * fault.since_s).sin);
+      other = increment + Vector3::Constant(w * p / omega *
+                                            (elementary::sincos(omega * begin_s).cos -
+                                             elementary::sincos(omega * fault.since_s).cos));
       break;
     }
     case SensorFault::no_fix:
@@ -220,7 +219,7 @@ void SensorFaults::apply_to_number(const ActiveFault& fault, std::uint64_t k, do
       value += w * p;
       break;
     case SensorFault::drift:
-      value += p * static_cast<double>(fault.since) / model_.rate_hz;
+      value += p * fault.since_s;
       break;
     case SensorFault::scale:
       value *= 1 + w * (p - 1);
@@ -272,7 +271,7 @@ void SensorFaults::apply_to_gnss(const ActiveFault& fault, Sample& sample) noexc
       move(sample.navigation, fault.weight * p);
       break;
     case SensorFault::position_drift:
-      move(sample.navigation, static_cast<double>(fault.since) / model_.rate_hz * p);
+      move(sample.navigation, fault.since_s * p);
       sample.navigation.v_L += p;
       break;
     case SensorFault::gps_time_jump:

@@ -86,6 +86,36 @@ TEST_F(FaultScheduleTest, TimesOnSamplesAreExact) {
   }
 }
 
+// A drift of 1 rad/s^2 has grown for 1 s, when the rate rises from 100 Hz to 400 Hz, and falls to 50 Hz 0.5 s later.
+TEST_F(FaultScheduleTest, TheTimeOfAFaultGoesOnWhenTheRateChanges) {
+  const Config config = load_config(write(
+      "rates.toml", config_text("[[fault]]\ntarget = \"gyro.x\"\nkind = \"drift\"\nvalue = 1\nat_s = 0.5\n", "native",
+                                1, "rate_hz = 100\ngyro.max_rad_per_s = 10\naccelerometer.max_m_per_s2 = 100\n")));
+  FaultLog log;
+  const std::vector<Normals> normals = fault_normals("imu1", 1, config.faults.size());
+  FaultSchedule schedule(config.faults, normals, "imu1", 0, 100, log);
+  std::int64_t time_us = 0;
+  int acted = 0;
+  const auto take_until = [&](std::int64_t end_us, std::int64_t period_us) {
+    for (; time_us < end_us; time_us += period_us) {
+      schedule.take(Sample{}, std::chrono::microseconds(time_us));
+      for (const ActiveFault& fault : schedule.active(FaultSeam::sensor)) {
+        EXPECT_NEAR(fault.since_s, 1e-6 * static_cast<double>(time_us - 500'000), 1e-9) << time_us;
+        ++acted;
+      }
+    }
+    time_us -= period_us;  // of the last sample
+  };
+  take_until(1'500'001, 10'000);
+  schedule.set_rate(400);
+  time_us += 2'500;
+  take_until(2'000'001, 2'500);
+  schedule.set_rate(50);
+  time_us += 20'000;
+  take_until(3'000'001, 20'000);
+  EXPECT_EQ(acted, 101 + 200 + 50);
+}
+
 // A run that ended by itself is incomplete without it, unless the fault need not begin.
 TEST_F(FaultScheduleTest, AFaultThatNeverBeginsIsNamed) {
   const std::string never = "at_s = 5000\n";

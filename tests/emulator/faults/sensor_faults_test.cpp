@@ -326,7 +326,10 @@ TEST(GnssFaults, ChangeThePlace) {
   clean.navigation.latitude = 0.8;
   clean.navigation.r_E = r_E_of({0.8, 0, 0});
   const auto changed = [&](std::string_view name, std::array<double, 4> parameters, std::uint64_t since) {
-    const ActiveFault fault{.kind = find_fault_kind(name, "gnss"), .parameters = parameters, .since = since};
+    const ActiveFault fault{.kind = find_fault_kind(name, "gnss"),
+                            .parameters = parameters,
+                            .since = since,
+                            .since_s = 0.01 * static_cast<double>(since)};
     Sample sample = clean;
     faults.apply(std::span(&fault, 1), since, 0.01, sample);
     return sample.navigation;
