@@ -58,9 +58,22 @@ std::span<const FaultKind> power_fault_kinds() noexcept { return power_table; }
 PowerFaults::PowerFaults(std::string_view imu, std::uint64_t seed, double rate_hz)
     : seed_(seed), stream_(stream_id(fmt::format("{}/power", imu))), rate_hz_(rate_hz) {}
 
+// The delay of a start in samples.
+std::uint64_t PowerFaults::delay() const noexcept {
+  return static_cast<std::uint64_t>(std::ceil(std::max(0.0, slow_s_ * rate_hz_ - 1e-6)));
+}
+
+bool PowerFaults::cycle() noexcept {
+  if (!is_supplied_) return false;
+  const std::uint64_t samples = delay();
+  waiting_ = samples > 0 ? samples + 1 : 0;  // the next step counts the part of a period that is left
+  is_on_ = waiting_ == 0;
+  return is_on_;
+}
+
 PowerStep PowerFaults::step(std::span<const ActiveFault> faults) noexcept {
   bool is_supplied = true, is_reset = false;
-  double slow_s = 0;
+  slow_s_ = 0;
   for (const ActiveFault& fault : faults) {
     switch (fault.kind->code.as<Kind>()) {
       case off:
@@ -73,7 +86,7 @@ PowerStep PowerFaults::step(std::span<const ActiveFault> faults) noexcept {
         break;
       }
       case slow_start:
-        slow_s = std::max(slow_s, fault.parameters[0]);
+        slow_s_ = std::max(slow_s_, fault.parameters[0]);
         break;
       case settings_lost:
         if (fault.since == 0) is_reset = as_delivered_ = true;
@@ -85,7 +98,7 @@ PowerStep PowerFaults::step(std::span<const ActiveFault> faults) noexcept {
   const bool is_switched_on = is_supplied && (!is_supplied_ || is_reset);
   is_supplied_ = is_supplied;
   if (is_switched_on)
-    waiting_ = static_cast<std::uint64_t>(std::ceil(std::max(0.0, slow_s * rate_hz_ - 1e-6)));
+    waiting_ = delay();
   else if (is_supplied && waiting_ > 0)
     --waiting_;
   const bool was_on = is_on_;

@@ -27,14 +27,20 @@ class PowerFaults {
   void set_rate(double rate_hz) noexcept { rate_hz_ = rate_hz; }
   // Returns the state at the next sample, of which `faults` are active.
   PowerStep step(std::span<const ActiveFault> faults) noexcept;
+  // The supply goes off and on between two samples, not by a fault. Returns true if the device starts at once: the
+  // faults of the last sample neither keep it off nor delay its start.
+  bool cycle() noexcept;
 
  private:
+  std::uint64_t delay() const noexcept;
+
   const std::uint64_t seed_;
   const std::uint32_t stream_;
   double rate_hz_;
   bool is_supplied_ = true;
   bool is_on_ = true;
   bool as_delivered_ = false;
+  double slow_s_ = 0;          // by which a start is delayed
   std::uint64_t waiting_ = 0;  // samples until the device starts
 };
 

@@ -54,9 +54,13 @@ void Channel::start_device(DeviceTime now) noexcept {
 }
 
 void Channel::cycle_power(HostTime now) noexcept {
-  if (!unit.is_on()) return;
-  sensor.restart();
-  start_device(sensor.clock().now(now));
+  const bool was_on = unit.is_on();
+  if (unit.cycle_power()) {
+    sensor.restart();
+    start_device(sensor.clock().now(now));
+  } else if (was_on && !unit.is_on()) {
+    sensor.imu().power_off();
+  }
 }
 
 void Channel::set_power_faults(std::span<const ActiveFault> faults_of_power) noexcept {

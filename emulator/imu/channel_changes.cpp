@@ -54,12 +54,11 @@ void Channel::execute(const Command& command, const FaultBook& book, HostTime no
 }
 
 void Channel::set_supply(bool on, HostTime now) noexcept {
-  if (on == unit.is_supplied()) return;
   if (!on) {
     poll(now);
     if (unit.is_on()) sensor.imu().power_off();
   }
-  unit.set_supply(on);
+  if (!unit.set_supply(on)) return;
   counters.has_power.store(on, std::memory_order_relaxed);
   cycle_power(now);
 }

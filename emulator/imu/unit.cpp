@@ -42,6 +42,14 @@ void Unit::publish(ImuCounters& counters) const noexcept {
                         other_device_ ? other_device_->counts() : std::span<const std::uint64_t>());
 }
 
+bool Unit::cycle_power() noexcept {
+  if (!is_supplied_ || !power_faults_) return is_supplied_;
+  const bool starts = power_faults_->cycle();
+  power_step_.is_on = next_power_step_.is_on = starts;
+  next_power_step_.starts = next_power_step_.starts && starts;
+  return starts;
+}
+
 Unit::PowerChange Unit::set_power_faults(std::span<const ActiveFault> faults) noexcept {
   const bool was_on = next_power_step_.is_on;
   next_power_step_ = power_faults_->step(faults);

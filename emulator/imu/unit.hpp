@@ -5,6 +5,7 @@
 #include <memory>
 #include <optional>
 #include <span>
+#include <utility>
 
 #include "emulator/faults/channel_faults.hpp"
 #include "emulator/faults/other_units.hpp"
@@ -34,9 +35,11 @@ class Unit {
   bool is_on() const noexcept { return is_supplied_ && power_step_.is_on; }
   // Switches the device on at `now`.
   void start(DeviceTime now) noexcept { device_->power_on(now + clock_offset_); }
-  // Switches the supply, without start().
-  void set_supply(bool on) noexcept { is_supplied_ = on; }
-  bool is_supplied() const noexcept { return is_supplied_; }
+  // Switches the supply, without start(). Returns false if the supply was on or off as demanded.
+  bool set_supply(bool on) noexcept { return std::exchange(is_supplied_, on) != on; }
+  // The supply goes off and on between two samples. Returns true if the device has to start now. Otherwise its supply
+  // is off, or a fault keeps it off, or delays its start until a later sample.
+  bool cycle_power() noexcept;
   // Sets the faults of the power of the next sample. Returns whether the sensor starts or goes off with that
   // sample.
   enum class PowerChange : std::uint8_t { none, starts, goes_off };

@@ -161,5 +161,29 @@ TEST_F(PowerFaultsRun, ACommandSwitchesTheSupply) {
   }
 }
 
+// 0.05 s are 100 samples. The first cycle is by a command, the second by a request, and the third one in the delay.
+// The fault has ended at the last one.
+TEST_F(PowerFaultsRun, EachStartIsSlow) {
+  const std::string config = unit();
+  PoweredUnit unit(config, true), cycled(config, false);
+  const std::vector<PowerWindow> slow = {{"slow_start", 0, 11'999, 0.05}};
+  std::size_t silent = 0, sent = 0;
+  for (std::uint64_t k = 0; k < 15'000; ++k) {
+    if (k == 1000) unit.channel->execute({.kind = Command::Kind::power_cycle}, unit.book, unit.instant(k));
+    if (k == 6000 || k == 6050 || k == 13'000) unit.channel->cycle_power(unit.instant(k));
+    if (k == 1100 || k == 6150 || k == 13'000) cycled.channel->cycle_power(cycled.instant(k));
+    const std::vector<std::byte> got = unit.step(slow), wanted = cycled.step();
+    if ((k >= 1000 && k < 1100) || (k >= 6000 && k < 6150)) {
+      ASSERT_TRUE(got.empty()) << k;
+      ++silent;
+    } else {
+      ASSERT_EQ(got, wanted) << k;
+      sent += got.empty() ? 0 : 1;
+    }
+  }
+  EXPECT_EQ(silent, 250U);
+  EXPECT_GT(sent, 1000U);
+}
+
 }  // namespace
 }  // namespace imud
