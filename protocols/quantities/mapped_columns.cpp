@@ -61,8 +61,10 @@ std::optional<TruthField> MappedColumns::find(std::string_view name) const noexc
   return std::nullopt;
 }
 
-// Returns whether the row is a header row. `least`: how many known names a header row must have.
-bool MappedColumns::is_header(std::string_view row, std::size_t least) const noexcept {
+// Returns whether the row is a header row. `is_remark`: the row follows a '#', and needs more known names.
+bool MappedColumns::names_columns(std::string_view row, bool is_remark) const noexcept {
+  constexpr std::size_t time_and_vector = 4;
+  const std::size_t least = !is_remark ? 1 : map_.empty() ? time_and_vector : map_.size();
   const char delimiter = delimiter_in(row);
   std::string_view rest = row;
   if (is_number(take(rest, delimiter))) return false;
@@ -124,6 +126,13 @@ TruthResult MappedColumns::read(std::string_view row) noexcept {
   return rest.data() == nullptr || is_by_number_ ? TruthResult::ok : TruthResult::too_long;
 }
 
+bool MappedColumns::is_header(std::string_view line) const noexcept {
+  if (line.starts_with("\xEF\xBB\xBF")) line.remove_prefix(3);
+  const std::string_view row = without_blanks(line);
+  const bool is_remark = row.starts_with('#');
+  return names_columns(is_remark ? without_blanks(row.substr(1)) : row, is_remark);
+}
+
 TruthResult MappedColumns::decode(std::string_view line, Truth& truth) noexcept {
   if (line.starts_with("\xEF\xBB\xBF")) line.remove_prefix(3);
   row_ = without_blanks(line);
@@ -132,8 +141,7 @@ TruthResult MappedColumns::decode(std::string_view line, Truth& truth) noexcept 
   if (row_.empty() || (row_.front() == '\t' && trim(row_).empty())) return TruthResult::no_state;
   const bool is_remark = row_.front() == '#';
   if (is_remark) row_ = without_blanks(row_.substr(1));
-  constexpr std::size_t time_and_vector = 4;
-  if (is_header(row_, !is_remark ? 1 : map_.empty() ? time_and_vector : map_.size())) {
+  if (names_columns(row_, is_remark)) {
     if (is_by_number_) return TruthResult::no_state;
     kind_ = Kind::header;
     return set_columns(row_) ? TruthResult::no_state : TruthResult::no_columns;

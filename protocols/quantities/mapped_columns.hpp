@@ -25,6 +25,8 @@ class MappedColumns {
   // std::invalid_argument, "columns: ...".
   MappedColumns(TruthMap map, const TruthAssembly::Axes& axes);
 
+  // Returns whether `line` is a header row, which may follow a '#'.
+  bool is_header(std::string_view line) const noexcept;
   // Decodes a row; returns as TruthDecoder::next() does.
   TruthResult decode(std::string_view line, Truth& truth) noexcept;
   // Returns TruthDecoder::frame(): the frame of the map.
@@ -43,7 +45,7 @@ class MappedColumns {
     TruthField field;
   };
 
-  bool is_header(std::string_view row, std::size_t least) const noexcept;
+  bool names_columns(std::string_view row, bool is_remark) const noexcept;
   std::optional<TruthField> find(std::string_view name) const noexcept;
   bool set_columns(std::string_view header) noexcept;
   TruthResult read(std::string_view row) noexcept;

@@ -138,10 +138,12 @@ class CsvTruthDecoder final : public LineTruthDecoder {
   TruthResult decode(std::string_view line, Truth& truth) noexcept override {
     std::string_view row = line;
     if (row.starts_with("\xEF\xBB\xBF")) row.remove_prefix(3);
+    // A remark that names some quantities is no header row.
+    const auto is_remark = [row] { return trim(row).starts_with('#'); };
     if (has_quantities(row))
-      is_mapped_ = true;
-    else if (is_mapped_)
-      is_mapped_ = !BasiliskColumns::is_header(row);
+      is_mapped_ = is_mapped_ || !is_remark() || mapped_.is_header(row);
+    else if (is_mapped_ && BasiliskColumns::is_header(row))
+      is_mapped_ = is_remark();
     return is_mapped_ ? mapped_.decode(line, truth) : basilisk_.decode(line, truth);
   }
 

@@ -205,6 +205,26 @@ TEST_F(CsvTruth, AByteOrderMarkAndQuotesAreIgnored) {
   EXPECT_EQ(decode("9,0,0,0,1,2,3"), TruthResult::ok);
 }
 
+// A remark may name quantities, or Basilisk's columns, among other words.
+TEST_F(CsvTruth, ARemarkThatNamesColumnsIsNoHeaderRow) {
+  ASSERT_EQ(decode(required), TruthResult::no_state);
+  for (const std::string_view row : {"# marks: time_s,throttle", "#time_s,throttle", "# at,time_us,latitude_deg"}) {
+    EXPECT_EQ(decode(row), TruthResult::no_state) << row;
+    ASSERT_EQ(decode("7,0,0,0,1,2,3"), TruthResult::ok) << row;
+    EXPECT_EQ(truth_.omega_BN_B, Vector3(1, 2, 3));
+  }
+  ASSERT_EQ(decode("time_s,yaw_deg,pitch_deg,roll_deg"), TruthResult::no_state);
+  for (const std::string_view row : {"# marks: sigma_BN_1,time_ns", "# time_s,throttle", "# a comment on time_ns"}) {
+    EXPECT_EQ(decode(row), TruthResult::no_state) << row;
+    ASSERT_EQ(decode("2,0,0,0"), TruthResult::ok) << row;
+    EXPECT_EQ(truth_.time.ns, 2'000'000'000);
+  }
+  ASSERT_EQ(decode(required), TruthResult::no_state);
+  ASSERT_EQ(decode("# time_ms,yaw_deg,pitch_deg,roll_deg"), TruthResult::no_state);
+  ASSERT_EQ(decode("2,0,0,0"), TruthResult::ok);
+  EXPECT_EQ(truth_.time.ns, 2'000'000);
+}
+
 std::string with_delimiter(std::string text, char delimiter) {
   std::ranges::replace(text, ',', delimiter);
   return text;
