@@ -37,7 +37,14 @@ MappedColumns::MappedColumns(TruthMap map, const TruthAssembly::Axes& axes)
     : map_(std::move(map)), axes_(axes), assembly_(assembly_of(map_, axes)) {
   const auto numbers = static_cast<std::size_t>(std::ranges::count_if(
       map_, [](const MappedQuantity& mapped) { return column_number(mapped.theirs).has_value(); }));
-  if (numbers == 0) return;
+  if (numbers == 0) {
+    for (std::size_t i = 0; i < map_.size(); ++i)
+      for (std::size_t j = 0; j < i; ++j)
+        if (map_[i].theirs == map_[j].theirs)
+          throw std::invalid_argument("columns: column \"" + map_[i].theirs +
+                                      "\" is given twice; the second time for " + map_[i].ours);
+    return;
+  }
   if (numbers < map_.size())
     throw std::invalid_argument("columns: some are given by name and some by number; give either for all");
   is_by_number_ = true;

@@ -22,7 +22,7 @@ class MappedColumns {
   explicit MappedColumns(const TruthAssembly::Axes& axes) : axes_(axes) {}
   // A header row names the columns by the simulator's names. If all names are numbers, the columns have these
   // numbers, from 0 on, no row is a header row, and a row may have further columns. Throws
-  // std::invalid_argument, "columns: ...".
+  // std::invalid_argument, "columns: ...", also if two quantities have the same column.
   MappedColumns(TruthMap map, const TruthAssembly::Axes& axes);
 
   // Returns whether `line` is a header row, which may follow a '#'.

@@ -176,6 +176,8 @@ TEST_F(MappedCsv, AMapThatIsWrongIsRefused) {
             "columns: roll_deg is column 256; the largest is 255");
   EXPECT_EQ(fault({"time_s=0", "yaw_deg=1", "pitch_deg=2", "roll_deg=1"}),
             "columns: column 1 is given twice; the second time for roll_deg");
+  EXPECT_EQ(fault({"time_s=t", "yaw_deg=y", "pitch_deg=p", "roll_deg=y"}),
+            "columns: column \"y\" is given twice; the second time for roll_deg");
   EXPECT_EQ(fault({"-time_s=0"}).substr(0, 35), "columns: unknown quantity \"-time_s\"");
 }
 
