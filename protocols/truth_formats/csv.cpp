@@ -184,10 +184,12 @@ extern constexpr TruthFormat csv_truth_format = {
     .settings = settings,
     .columns = column_groups,
     .make = make,
-    .force_from = "the columns nonConservativeAccelpntB_B_x to _z, or TotalAccumDV_BN_B_x to _z",
+    .force_from =
+        "the columns specific_force_x_m_per_s2 to _z_m_per_s2, or beside Basilisk's names "
+        "nonConservativeAccelpntB_B_x to _z or TotalAccumDV_BN_B_x to _z",
     .maps_quantities = true,
-    .position_from = "the columns r_BN_N_x, r_BN_N_y, r_BN_N_z",
-    .velocity_from = "the columns v_BN_N_x, v_BN_N_y, v_BN_N_z",
+    .position_from = "the columns r_BN_N_x_m to _z_m (Basilisk's r_BN_N_x to _z)",
+    .velocity_from = "the columns v_BN_N_x_m_per_s to _z_m_per_s (Basilisk's v_BN_N_x to _z)",
 };
 
 }  // namespace imud

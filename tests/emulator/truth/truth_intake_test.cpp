@@ -359,7 +359,15 @@ TEST_F(TruthIntakeTest, TruthWithoutAnyForceIsNamed) {
   receive(std::string(header) + row(1));
   EXPECT_EQ(remarks().no_force.text(),
             "has neither specific force nor accumulated velocity: accelerometers measure 0; supply the columns "
-            "nonConservativeAccelpntB_B_x to _z, or TotalAccumDV_BN_B_x to _z");
+            "specific_force_x_m_per_s2 to _z_m_per_s2, or beside Basilisk's names nonConservativeAccelpntB_B_x to _z "
+            "or TotalAccumDV_BN_B_x to _z");
+  timeline_ = Timeline();
+  make(*find_truth_format("csv"), "file:truth.csv");
+  receive(
+      "time_s,yaw_deg,pitch_deg,roll_deg,p_deg_per_s,q_deg_per_s,r_deg_per_s,specific_force_x_m_per_s2,"
+      "specific_force_y_m_per_s2,specific_force_z_m_per_s2\n0,0,0,0,0,0,0,0,0,0\n");
+  EXPECT_EQ(intake_->counters().accepted, 1U);
+  EXPECT_FALSE(remarks().no_force.is_set());
   for (const std::string name : {"nonConservativeAccelpntB_B", "TotalAccumDV_BN_B"}) {
     timeline_ = Timeline();
     make(*find_truth_format("csv"), "file:truth.csv");
