@@ -2,6 +2,7 @@
 #pragma once
 
 #include <optional>
+#include <stdexcept>
 #include <utility>
 
 #include "protocols/quantities/packed_layout.hpp"
@@ -54,7 +55,12 @@ class PackedTruth {
  private:
   static QuantitySet given(const PackedLayout& layout, bool has_time) {
     QuantitySet set = layout.given();
-    if (!has_time) set.set(quantity_group(TruthGroup::time).first);
+    const std::size_t time = quantity_group(TruthGroup::time).first;
+    if (!has_time && set[time])
+      throw std::invalid_argument(
+          "the time is given twice, by a field and by time = \"arrival\"; leave that out, or give padding, such as "
+          "_:8, in place of the field");
+    if (!has_time) set.set(time);
     return set;
   }
 
