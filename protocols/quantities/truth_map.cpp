@@ -49,6 +49,10 @@ TruthMap parse_truth_map(std::span<const std::string> texts) {
 }
 
 TruthMap parse_truth_order(std::span<const std::string> names) {
+  if (is_truth_map(names))
+    throw std::invalid_argument(
+        "columns: this format has no names of columns, and takes no table; give the list of the quantities in the "
+        "order of the columns, as in [\"time_s\", \"_\", \"q_NB_w\"], where _ is not used");
   const std::vector<std::string_view> views(names.begin(), names.end());
   return truth_order(views);
 }

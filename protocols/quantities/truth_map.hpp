@@ -30,7 +30,7 @@ std::optional<TruthField> find_signed_field(std::string_view ours) noexcept;
 // parse_truth_map() parses a map. parse_truth_order() parses a list of imud's names in the order of the columns,
 // in which "_" is an unused column; the number of the column then takes the place of the simulator's name. Both
 // throw std::invalid_argument, "columns: ..." with the fault and the remedy, for a quantity that is unknown or
-// named twice.
+// named twice, and parse_truth_order() also for a map.
 TruthMap parse_truth_map(std::span<const std::string> texts);
 TruthMap parse_truth_order(std::span<const std::string> names);
 // Does the same as parse_truth_order() for a table in a source file.

@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <stdexcept>
 
 #include "core/attitude.hpp"
 #include "core/earth/earth.hpp"
@@ -70,6 +71,21 @@ TEST_F(TruthTable, Euroc) {
   EXPECT_GT(up_B.dot(Vector3(8.15, -0.38, -2.40).normalized()), 0.98);
   EXPECT_EQ(decode("1403636580838555648,4.688319,-1.786938,0.783338,0.534108,-0.153029,-0.827383,-0.082152"),
             TruthResult::too_short);
+}
+
+TEST_F(TruthTable, TheColumnsAreNoMap) {
+  for (const char* format : {"tum", "euroc", "flightgear"}) {
+    std::string fault;
+    try {
+      make(format, {{"columns", std::vector<std::string>{"time_s=0", "q_NB_w=1"}}});
+    } catch (const std::invalid_argument& error) {
+      fault = error.what();
+    }
+    EXPECT_EQ(fault,
+              "columns: this format has no names of columns, and takes no table; give the list of the quantities in "
+              "the order of the columns, as in [\"time_s\", \"_\", \"q_NB_w\"], where _ is not used")
+        << format;
+  }
 }
 
 // Rows of FlightGear's own FGGeneric::gen_message() (flightgear at 85a9c13, release/2020.3, src/Network/generic.cxx,
