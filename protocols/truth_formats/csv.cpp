@@ -114,6 +114,7 @@ class CsvTruthDecoder final : public LineTruthDecoder {
   explicit CsvTruthDecoder(const Settings& settings) : basilisk_(settings), mapped_(TruthAssembly::axes(settings)) {}
 
   std::size_t describe(TruthResult result, std::span<char> room) const noexcept override {
+    if (!is_mapped_ && result == TruthResult::no_columns) return describe_columns(room);
     if (!is_mapped_) return basilisk_.describe(result, room);
     RemarkWriter out(room);
     mapped_.describe(result, out);
@@ -135,6 +136,31 @@ class CsvTruthDecoder final : public LineTruthDecoder {
       seen.add(unquoted(take_field(rest, delimiter)));
     return seen.are_quantities();
   }
+  // Describes the last row, which is no header row with all of Basilisk's columns. It may name quantities without a
+  // time, or among Basilisk's names.
+  std::size_t describe_columns(std::span<char> room) const noexcept {
+    std::string_view quantity;
+    NamesSeen seen;
+    std::size_t count = 0;
+    const char delimiter = delimiter_of(row_);
+    for (std::string_view rest = row_; rest.data() != nullptr && count < Columns::max_columns; ++count) {
+      const std::string_view name = unquoted(take_field(rest, delimiter));
+      NamesSeen one;
+      one.add(name);
+      seen.add(name);
+      if (quantity.empty() && one.are_quantities()) quantity = name;
+    }
+    if (seen.are_quantities()) {
+      RemarkWriter out(room);
+      (out << "the time is missing; give time_s, unix_time_s, utc or another: ").quote(row_);
+      return out.size();
+    }
+    const std::size_t size = basilisk_.describe(TruthResult::no_columns, room);
+    RemarkWriter out(room.subspan(size));
+    if (!quantity.empty())
+      (out << "; a quantity such as ").quote(quantity, 64) << " is not used beside Basilisk's names";
+    return size + out.size();
+  }
   TruthResult decode(std::string_view line, Truth& truth) noexcept override {
     std::string_view row = line;
     if (row.starts_with("\xEF\xBB\xBF")) row.remove_prefix(3);
@@ -144,12 +170,14 @@ class CsvTruthDecoder final : public LineTruthDecoder {
       is_mapped_ = is_mapped_ || !is_remark() || mapped_.is_header(row);
     else if (is_mapped_ && BasiliskColumns::is_header(row))
       is_mapped_ = is_remark();
+    row_ = trim(row);
     return is_mapped_ ? mapped_.decode(line, truth) : basilisk_.decode(line, truth);
   }
 
   BasiliskColumns basilisk_;
   MappedColumns mapped_;
   bool is_mapped_ = false;
+  std::string_view row_;  // the last row
 };
 
 std::unique_ptr<TruthDecoder> make(const Settings& settings) {

@@ -135,6 +135,19 @@ TEST_F(MappedCsv, NamesOfQuantitiesNeedNoMap) {
   EXPECT_EQ(truth_.omega_BN_B, Vector3(1, 2, 3));
 }
 
+TEST_F(MappedCsv, QuantitiesWithoutATimeAndBesideBasilisksNamesAreNamed) {
+  make({});
+  EXPECT_EQ(remark_on("t,yaw_deg,pitch_deg,roll_deg"),
+            "the time is missing; give time_s, unix_time_s, utc or another: \"t,yaw_deg,pitch_deg,roll_deg\"");
+  const std::string mixed = "time_s,sigma_BN_1,sigma_BN_2,sigma_BN_3,omega_BN_B_x,omega_BN_B_y,omega_BN_B_z";
+  EXPECT_EQ(
+      remark_on(mixed),
+      "the header row lacks \"time_ns\" (is it \"time_s\"?): \"" + mixed +
+          "\"; required are time_ns, sigma_BN_1 to _3, omega_BN_B_x to _z; a quantity such as \"time_s\" is not "
+          "used beside Basilisk's names");
+  EXPECT_EQ(remark_on("a,b,c").find("quantity"), std::string::npos);
+}
+
 TEST_F(MappedCsv, HasStatesOfTheVehicle) {
   make({});
   ASSERT_EQ(
