@@ -12,6 +12,12 @@ using Outcome = JsonFields::Outcome;
 
 std::string_view first_line(std::string_view text) noexcept { return text.substr(0, text.find('\n')); }
 
+// Some programs write a byte order mark, which a parser may ignore (RFC 8259, 8.1).
+std::string_view without_order_mark(std::string_view text) noexcept {
+  constexpr std::string_view mark = "\xEF\xBB\xBF";
+  return text.substr(text.starts_with(mark) ? mark.size() : 0);
+}
+
 // Writes which quantity, with a unit, a name that is none probably means.
 void describe_unknown(std::string_view name, RemarkWriter& out) noexcept {
   for (const QuantityGroup& group : quantity_groups())
@@ -52,7 +58,7 @@ void JsonTruthDecoder::feed(std::span<const std::byte> bytes, TruthInput input, 
 std::optional<TruthResult> JsonTruthDecoder::next(Truth& truth) noexcept {
   if (const auto result = LineTruthDecoder::next(truth)) return result;
   if (!std::exchange(has_datagram_, false)) return std::nullopt;
-  datagram_ = trim(datagram_);
+  datagram_ = trim(without_order_mark(datagram_));
   std::size_t end = 0;
   const TruthResult result = decode(datagram_, truth, end);
   datagram_.remove_prefix(end);
@@ -62,7 +68,7 @@ std::optional<TruthResult> JsonTruthDecoder::next(Truth& truth) noexcept {
 
 TruthResult JsonTruthDecoder::decode(std::string_view line, Truth& truth) noexcept {
   std::size_t end = 0;
-  return decode(line, truth, end);
+  return decode(without_order_mark(line), truth, end);
 }
 
 // Decodes the record at the begin of `text`, and sets `size` to the size of the record. If the text does not begin

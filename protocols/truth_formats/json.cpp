@@ -2,7 +2,8 @@
 //
 // The setting `columns` maps quantities to paths in the object, {time_s = "t", p_rad_per_s = "imu.gyro.0"}. Without
 // it the names at the top level are quantities, and other names are not used. An object may have its quantities in
-// any order; one that has none of them is a record without state. A number may be in quotes.
+// any order; one that has none of them is a record without state. A number may be in quotes. A byte order mark
+// (UTF-8) before an object is ignored.
 #include "protocols/quantities/json_truth_decoder.hpp"
 
 namespace imud {

@@ -147,6 +147,16 @@ TEST_F(JsonTruth, RecordsOfAStreamAreLinesAndThoseOfADatagramObjects) {
   EXPECT_EQ(all_of(spread + "\n", TruthInput::stream).size(), 4U);
 }
 
+// As Windows writes a file in UTF-8; RFC 8259, 8.1, lets a parser ignore the mark.
+TEST_F(JsonTruth, AByteOrderMarkIsIgnored) {
+  make();
+  const std::string marked = "\xEF\xBB\xBF{\"time_s\":1,\"yaw_deg\":0,\"pitch_deg\":0,\"roll_deg\":0}";
+  for (const TruthInput input : {TruthInput::stream, TruthInput::datagram})
+    EXPECT_EQ(all_of(marked + "\r\n", input), std::vector{TruthResult::ok});
+  EXPECT_EQ(all_of("\xEF\xBB\xBF\r\n", TruthInput::stream), std::vector{TruthResult::no_state});
+  EXPECT_EQ(decode(marked.substr(1)), TruthResult::not_this_kind);
+}
+
 TEST_F(JsonTruth, AMapThatIsWrongIsRefused) {
   const auto fault = [&](const std::vector<std::string>& columns) -> std::string {
     try {
