@@ -4,6 +4,7 @@
 #include <fmt/ranges.h>
 #include <poll.h>
 
+#include <array>
 #include <stdexcept>
 #include <utility>
 
@@ -76,7 +77,7 @@ std::optional<Truth> CapturedTruths::next() {
       if (derivation_ == nullptr) return truth;
       derive(truth);
     } else if (*result != TruthResult::no_state) {
-      ++refused_[cause(*result)];
+      refuse(*result);
     }
   }
   return std::nullopt;
@@ -84,6 +85,14 @@ std::optional<Truth> CapturedTruths::next() {
 
 std::optional<TruthResult> CapturedTruths::next_record(Truth& truth) {
   return log_ ? log_->next(truth) : decoder_->next(truth);
+}
+
+// Counts a refused record, and keeps the remark on the first one of its cause.
+void CapturedTruths::refuse(TruthResult result) {
+  ++refused_[cause(result)];
+  if (decoder_ == nullptr || first_.contains(cause(result))) return;
+  std::array<char, 1024> text;
+  first_[cause(result)].assign(text.data(), decoder_->describe(result, text));
 }
 
 // Gives a truth to the fit, unless it is late.
@@ -140,6 +149,8 @@ std::string CapturedTruths::refused() const {
   if (decoder_ == nullptr) return text;
   add(decoder_->losses().too_long, "too long");
   add(decoder_->losses().cut_short, "cut short");
+  for (const auto& [cause, remark] : first_)
+    if (!remark.empty()) text += fmt::format("; the first {}: {}", cause, remark);
   return text;
 }
 

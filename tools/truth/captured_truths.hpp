@@ -37,7 +37,8 @@ class CapturedTruths {
 
   // Returns how much of the capture has been read, from 0 to 1; 0 if it is not known.
   double progress() const noexcept;
-  // Returns the number of refused truths by cause, such as "3 crc, 1 short"; empty if none was refused.
+  // Returns the number of refused truths by cause, with the remark of the format on the first of each cause, such as
+  // "3 crc, 1 short; the first short: a datagram has 4 bytes"; empty if none was refused.
   std::string refused() const;
   std::uint64_t of_other_vehicles() const { return of_other_vehicles_; }
   // Describes the end of a damaged capture, and truncated datagrams; empty if there is nothing to report.
@@ -53,6 +54,7 @@ class CapturedTruths {
   };
   void open_capture(const Options& options);
   std::optional<TruthResult> next_record(Truth& truth);
+  void refuse(TruthResult result);
   bool feed_next();
   void derive(Truth& truth);
   bool take_derived(Truth& truth);
@@ -66,6 +68,7 @@ class CapturedTruths {
   std::uint64_t streams_ = 0;  // PortCounters::lost_count
   std::optional<std::uint32_t> stream_;
   std::map<std::string_view, std::uint64_t> refused_;
+  std::map<std::string_view, std::string> first_;  // by cause: the remark on the first record that was refused
   std::uint64_t of_other_vehicles_ = 0;
 };
 
