@@ -38,6 +38,27 @@ bool is_near(std::string_view given, std::string_view wanted) noexcept {
   return distance(given.substr(0, wanted.size()), wanted) == 0 || distance(given, wanted) <= tolerated;
 }
 
+std::size_t meant_quantity(std::string_view name, std::span<char> room) noexcept {
+  for (const QuantityGroup& group : quantity_groups())
+    for (const std::string_view quantity : group.names) {
+      std::span<const std::string_view> units = unit_suffixes(group.kind);
+      constexpr std::string_view none[] = {""};
+      if (units.empty()) units = none;
+      for (const std::string_view unit : units) {
+        RemarkWriter writer(room);
+        writer << quantity << unit;
+        const std::string_view wanted(room.data(), writer.size());
+        const std::size_t sizes[] = {name.size(), wanted.size()};
+        constexpr std::size_t most = 2;  // further letters; it bounds the time of the search
+        const bool lacks_unit = name == quantity;
+        if (lacks_unit ||
+            (std::max(sizes[0], sizes[1]) - std::min(sizes[0], sizes[1]) <= most && is_near(name, wanted)))
+          return wanted.size();
+      }
+    }
+  return 0;
+}
+
 namespace {
 
 // Writes a blank and the unit in a quantity's name, "ft/s^2" for "specific_force_x_ft_per_s2". Writes nothing if the

@@ -38,6 +38,10 @@ std::optional<std::int64_t> parse_integer(std::string_view field) noexcept;
 // Returns whether `given`, a name that is not known, probably is a misspelt `wanted`, perhaps with a unit behind it.
 bool is_near(std::string_view given, std::string_view wanted) noexcept;
 
+// Writes to `room` the quantity, with its unit, that `name`, which is none, probably means. Returns the size of the
+// text; 0 if there is none.
+std::size_t meant_quantity(std::string_view name, std::span<char> room) noexcept;
+
 // Finds columns by name. The constructor takes the wanted names; set() takes the names of all columns in their order,
 // from a header row or a list. Allocates nothing. One thread.
 class Columns {

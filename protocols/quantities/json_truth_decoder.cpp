@@ -20,27 +20,11 @@ std::string_view without_order_mark(std::string_view text) noexcept {
 
 // Writes which quantity, with a unit, a name that is none probably means.
 void describe_unknown(std::string_view name, RemarkWriter& out) noexcept {
-  for (const QuantityGroup& group : quantity_groups())
-    for (const std::string_view quantity : group.names) {
-      std::span<const std::string_view> units = unit_suffixes(group.kind);
-      constexpr std::string_view none[] = {""};
-      if (units.empty()) units = none;
-      for (const std::string_view unit : units) {
-        std::array<char, 64> room;
-        RemarkWriter writer(room);
-        writer << quantity << unit;
-        const std::string_view wanted(room.data(), writer.size());
-        const std::size_t sizes[] = {name.size(), wanted.size()};
-        constexpr std::size_t most = 2;  // further letters; it bounds the time of the search
-        const bool lacks_unit = name == quantity;
-        if (!lacks_unit &&
-            (std::max(sizes[0], sizes[1]) - std::min(sizes[0], sizes[1]) > most || !is_near(name, wanted)))
-          continue;
-        (out << "; ").quote(name, 64);
-        (out << " is no quantity (did you mean ").quote(wanted) << "?)";
-        return;
-      }
-    }
+  std::array<char, 64> room;
+  const std::string_view meant(room.data(), meant_quantity(name, room));
+  if (meant.empty()) return;
+  (out << "; ").quote(name, 64);
+  (out << " is no quantity (did you mean ").quote(meant) << "?)";
 }
 
 }  // namespace

@@ -22,6 +22,8 @@ std::string_view take(std::string_view& row, char delimiter) noexcept {
   return field;
 }
 
+constexpr std::size_t most_searched = 4;  // columns whose meaning is searched, which takes time
+
 bool is_number(std::string_view field) noexcept { return parse_real(unquoted(field)).has_value(); }
 
 // Returns the number of a column; nullopt if `text` is no number of a column.
@@ -168,6 +170,7 @@ void MappedColumns::describe(TruthResult result, RemarkWriter& out) const noexce
     case TruthResult::no_columns:
       if (fault_size_ > 0) {
         out << std::string_view(fault_.data(), fault_size_);
+        if (kind_ == Kind::header && map_.empty()) describe_unknown(out);
       } else {
         (out << "there was no header row before the row ").quote(row_) << ", required are ";
         for (std::size_t i = 0; i < map_.size(); ++i) (out << (i == 0 ? "" : ", ")).quote(map_[i].theirs, 64);
@@ -198,6 +201,21 @@ void MappedColumns::describe(TruthResult result, RemarkWriter& out) const noexce
   }
 }
 
+// Writes which quantities the columns that are not used probably mean. Requires that the last row is a header row.
+void MappedColumns::describe_unknown(RemarkWriter& out) const noexcept {
+  std::size_t unused = 0, i = 0;
+  for (std::string_view rest = row_; rest.data() != nullptr && i < max_columns && unused < most_searched; ++i) {
+    const std::string_view field = unquoted(take(rest, delimiter_));
+    if (columns_[i].is_used) continue;
+    ++unused;
+    std::array<char, 64> room;
+    const std::string_view meant(room.data(), meant_quantity(field, room));
+    if (meant.empty()) continue;
+    (out << "; ").quote(field, 64);
+    (out << " is no quantity (did you mean ").quote(meant) << "?)";
+  }
+}
+
 void MappedColumns::describe_header(RemarkWriter& out) const noexcept {
   constexpr std::size_t most = 16;  // columns that are named
   std::size_t unused = 0, i = 0;
@@ -205,6 +223,11 @@ void MappedColumns::describe_header(RemarkWriter& out) const noexcept {
     const std::string_view field = unquoted(take(rest, delimiter_));
     if (columns_[i].is_used || ++unused > most) continue;
     (out << (unused == 1 ? "columns that are not used: " : ", ")).quote(field, 64);
+    std::array<char, 64> room;
+    if (!map_.empty() || unused > most_searched) continue;
+    const std::string_view meant(room.data(), meant_quantity(field, room));
+    if (const auto quantity = find_truth_field(meant); quantity && !assembly_.given()[quantity->quantity])
+      (out << " (did you mean ").quote(meant) << "?)";
   }
   if (unused > most) out << " and " << unused - most << " more";
 }

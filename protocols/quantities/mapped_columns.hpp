@@ -49,6 +49,7 @@ class MappedColumns {
   std::optional<TruthField> find(std::string_view name) const noexcept;
   bool set_columns(std::string_view header) noexcept;
   TruthResult read(std::string_view row) noexcept;
+  void describe_unknown(RemarkWriter& out) const noexcept;
   void describe_header(RemarkWriter& out) const noexcept;
 
   TruthMap map_;  // empty: the header row has names of quantities

@@ -148,6 +148,18 @@ TEST_F(MappedCsv, QuantitiesWithoutATimeAndBesideBasilisksNamesAreNamed) {
   EXPECT_EQ(remark_on("a,b,c").find("quantity"), std::string::npos);
 }
 
+TEST_F(MappedCsv, AMisspeltQuantityIsNamed) {
+  make({});
+  EXPECT_EQ(remark_on("time_s,yaw_deg,pitch_deg,rol_deg"),
+            "with yaw, pitch, roll belong together, and missing are roll; \"rol_deg\" is no quantity (did you mean "
+            "\"roll_deg\"?)");
+  EXPECT_EQ(remark_on("time_s,yaw,q_NB_w"),
+            "with q_NB_w, q_NB_x, q_NB_y, q_NB_z belong together, and missing are q_NB_x, q_NB_y, q_NB_z; \"yaw\" is "
+            "no quantity (did you mean \"yaw_rad\"?)");
+  EXPECT_EQ(remark_on("time_s,yaw_deg,pitch_deg,roll_deg,presure_pa,time_ss,note"),
+            "columns that are not used: \"presure_pa\" (did you mean \"pressure_pa\"?), \"time_ss\", \"note\"");
+}
+
 TEST_F(MappedCsv, HasStatesOfTheVehicle) {
   make({});
   ASSERT_EQ(
