@@ -115,10 +115,12 @@ std::size_t JsonTruthDecoder::describe(TruthResult result, std::span<char> room)
     case TruthResult::bad_number:
     case TruthResult::not_finite:
     case TruthResult::out_of_range:
-      if (outcome_ == Outcome::refused)
-        (out << quantity_name(fields_.refused().quantity) << " has ").quote(fields_.refused().value, 64);
-      else
+      if (outcome_ != Outcome::refused) {
         assembly_.describe(reading_, out);
+        break;
+      }
+      (out << quantity_name(fields_.refused().quantity) << " has ").quote(fields_.refused().value, 64);
+      if (fields_.refused().quantity == quantity_group(TruthGroup::utc).first) out << date_form;
       break;
     default:
       break;

@@ -194,7 +194,10 @@ void MappedColumns::describe(TruthResult result, RemarkWriter& out) const noexce
       }
       out << "the column " << bad_column_ << " (" << quantity_name(columns_[bad_column_].field.quantity) << ") has ";
       out.quote(bad_field_, 64);
-      if (bad_field_.find(',') != bad_field_.npos) out << "; the decimal sign must be a point";
+      if (columns_[bad_column_].field.kind == QuantityKind::text)
+        out << date_form;
+      else if (bad_field_.find(',') != bad_field_.npos)
+        out << "; the decimal sign must be a point";
       break;
     default:
       break;

@@ -218,7 +218,12 @@ std::optional<std::int64_t> date_ns(std::string_view text) noexcept {
   }
   const auto hour = take_number(text, 2, ":"), minute = take_number(text, 2, ":");
   if (!hour || !minute || *hour > 23 || *minute > 59) return {};
-  if (text.ends_with('Z')) text.remove_suffix(1);
+  constexpr std::string_view utc_offsets[] = {"Z", "+00:00"};
+  for (const std::string_view offset : utc_offsets)
+    if (text.ends_with(offset)) {
+      text.remove_suffix(offset.size());
+      break;
+    }
   const auto second = decimal_ns(text, 9);
   constexpr std::int64_t largest_second = 61'000'000'000;
   if (!second || *second < 0 || *second >= largest_second || text.starts_with('-')) return {};

@@ -106,13 +106,16 @@ std::vector<std::string> names_in(std::string_view name);
 // "unknown quantity \"p_degs\"; ...".
 std::string unknown_quantity(std::string_view name);
 
+// The form of a text quantity, for remarks.
+inline constexpr std::string_view date_form = "; a date is UTC, in the form 2026-01-31T12:00:00.5Z";
+
 // The numbers of one record, in SI. The setters return ok, or the fault. No allocation.
 class TruthReading {
  public:
   TruthResult set(const TruthField& field, double number) noexcept;
   TruthResult set(const TruthField& field, std::int64_t number) noexcept;
-  // Parses `text` as a number, or for a text quantity as a date: "2026-01-31T12:00:00.5Z" or
-  // "2026-031-12:00:00.5". A decimal time is exact to the nanosecond.
+  // Parses `text` as a number, or for a text quantity as a date: "2026-01-31T12:00:00.5Z", with "+00:00" or nothing
+  // in place of the Z, or "2026-031-12:00:00.5". A decimal time is exact to the nanosecond.
   TruthResult set(const TruthField& field, std::string_view text) noexcept;
 
   double operator[](std::size_t quantity) const noexcept { return values_[quantity]; }

@@ -206,6 +206,21 @@ TEST_F(MappedCsv, AMapThatIsWrongIsRefused) {
   EXPECT_EQ(fault({"-time_s=0"}).substr(0, 35), "columns: unknown quantity \"-time_s\"");
 }
 
+// Python's datetime.isoformat() ends a date of UTC in +00:00.
+TEST_F(MappedCsv, DatesAreThoseOfUtc) {
+  make({});
+  ASSERT_EQ(decode("utc,yaw_deg,pitch_deg,roll_deg"), TruthResult::no_state);
+  for (const std::string_view date : {"1970-01-02T00:00:00.5Z", "1970-01-02 00:00:00.500000+00:00",
+                                      "1970-01-02T00:00:00.5", "1970-002-00:00:00.5"}) {
+    ASSERT_EQ(decode(std::string(date) + ",0,0,0"), TruthResult::ok) << date;
+    EXPECT_EQ(truth_.time.ns, 86'400'500'000'000) << date;
+  }
+  for (const std::string_view date :
+       {"1970-01-02T00:00:00.5+01:00", "02.01.1970 00:00:00", "1970-01-02T00:00:00+00:00Z"})
+    EXPECT_EQ(remark_on(std::string(date) + ",0,0,0"), "the column 0 (utc) has \"" + std::string(date) +
+                                                           "\"; a date is UTC, in the form 2026-01-31T12:00:00.5Z");
+}
+
 // An absolute time is counted from the first truth where N is inertial, and again after the stream has ended.
 TEST_F(MappedCsv, AStreamThatBeginsAgainHasANewOrigin) {
   make({});

@@ -62,6 +62,8 @@ TEST_F(JsonTruth, NamesOfQuantitiesNeedNoMap) {
   EXPECT_TRUE(truth_.has_rate);
   ASSERT_EQ(decode(R"({"utc":"1970-01-01T00:00:02Z","yaw_deg":9,"pitch_deg":0,"roll_deg":0})"), TruthResult::ok);
   EXPECT_EQ(truth_.time.ns, 2'000'000'000);
+  EXPECT_EQ(remark_on(R"({"utc":"1970-01-01 00:00","yaw_deg":9,"pitch_deg":0,"roll_deg":0})"),
+            R"(utc has "1970-01-01 00:00"; a date is UTC, in the form 2026-01-31T12:00:00.5Z)");
   EXPECT_EQ(remark_on(R"({"time_us": 5, "yaw_deg": 90})"),
             "with yaw, pitch, roll belong together, and missing are pitch, roll");
 }
