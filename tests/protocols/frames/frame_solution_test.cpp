@@ -325,13 +325,17 @@ TEST(SolutionStatus, OfXsens) {
   const auto status_word = [](const Sample& sample) { return big_endian(first_frames("xsens-mtdata2", sample), 49); };
   std::vector<unsigned> words;
   for (const Sample& sample : phases(over_jena())) words.push_back(status_word(sample));
-  const unsigned valid = 2, fix = 4, mode_coasting = 1U << 23, mode_gnss = 3U << 23;
-  EXPECT_EQ(words, (Numbers{valid, 0, fix, valid | fix | mode_gnss, valid | mode_coasting, valid | fix | mode_gnss}));
+  const unsigned tested = 1, valid = tested | 2, fix = 4, mode_coasting = 1U << 23, mode_gnss = 3U << 23;
+  EXPECT_EQ(words, (Numbers{valid, tested, tested | fix, valid | fix | mode_gnss, valid | mode_coasting,
+                            valid | fix | mode_gnss}));
   // An attitude alone, beside a place that is the truth's, or without any: it does not coast.
   Sample levelled = navigating(over_jena(), Solution::State::levelled, {});
   EXPECT_EQ(status_word(levelled), valid);
   levelled.navigation = {};
   EXPECT_EQ(status_word(levelled), valid);
+  // Clipped axes by XsStatusFlag (xsstatusflag.h): accelerometer 0x100 to 0x400, gyro 0x800 to 0x2000, any 0x80000.
+  levelled.status = status::self_test_failed | status::accelerometer_saturated_x | status::gyro_saturated_x << 2;
+  EXPECT_EQ(status_word(levelled), 2U | 0x100U | 0x2000U | 0x80000U);
 }
 
 }  // namespace
