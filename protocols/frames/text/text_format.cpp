@@ -260,8 +260,10 @@ std::size_t TextFormat::write_sexagesimal(double number, char* out, bool& is_sat
   std::int64_t rest = 0;  // below the minutes' place
   if (kind_ == Kind::clock) {
     const std::int64_t day = 24 * 60 * minute;
-    const std::int64_t ticks =
-        std::llround((number - 86400 * std::floor(number / 86400)) * static_cast<double>(scale)) % day;
+    // The last half step of a day is not rounded up, because a date beside the time is still the old one.
+    const std::int64_t nearest =
+        std::llround((number - 86400 * std::floor(number / 86400)) * static_cast<double>(scale));
+    const std::int64_t ticks = std::min(nearest, day - 1);
     at = write_digits(ticks / (60 * minute), 2, at);
     if (has_colons_) *at++ = ':';
     at = write_digits(ticks / minute % 60, 2, at);

@@ -126,7 +126,11 @@ TEST(TextMessage, AnglesAndTimesOfDay) {
   EXPECT_EQ(written(of_receiver, own), ",,-48.5\n");  // it coasts without a fix
   Sample sample = text_sample();
   sample.navigation.gps_ns += 28'800'000'000'000 - 250'000'001;  // the last nanosecond of the day
-  EXPECT_EQ(written("{time_of_day_s:hhmmss.ss}\\n", sample), "000000.00\n");
+  EXPECT_EQ(written("{time_of_day_s:hhmmss.ss} {time_of_day_s:hhmmss} {utc_day:02d}\\n", sample),
+            "235959.99 235959 23\n");  // of the same day as the date
+  ++sample.navigation.gps_ns;
+  EXPECT_EQ(written("{time_of_day_s:hhmmss.ss} {time_of_day_s:hhmmss} {utc_day:02d}\\n", sample),
+            "000000.00 000000 24\n");
 }
 
 TEST(TextMessage, AHeadingHasNoModulus) {
