@@ -39,6 +39,13 @@ template <int Index>  // 0 yaw, 1 pitch, 2 roll
 double euler(const Reading& reading) noexcept {
   return yaw_pitch_roll_from_dcm(reading.sample.q_LP.conjugate().toRotationMatrix())[Index];
 }
+// Returns the rate at which the horizontal part of the sensor's x axis turns; 0 where x has no such part.
+double yaw_rate(const Reading& reading) noexcept {
+  const Quaternion& q = reading.sample.q_LP;
+  const Vector3 x_L = q * Vector3::UnitX(), moving = (q * reading.sample.rate).cross(x_L);
+  const double horizontal = x_L.x() * x_L.x() + x_L.y() * x_L.y();
+  return horizontal > 1e-12 ? (x_L.x() * moving.y() - x_L.y() * moving.x()) / horizontal : 0;
+}
 // Angles of the sensor's axes right, forward, up relative to east, north, up.
 template <int Index>  // 0 yaw, 1 pitch, 2 roll
 double euler_RFU(const Reading& reading) noexcept {
@@ -158,6 +165,8 @@ constexpr MeasuredQuantity quantities[] = {
     {"yaw", "attitude relative to north-east-down, 3-2-1", key_units::angle, euler<0>},
     {"pitch", "", key_units::angle, euler<1>},
     {"roll", "", key_units::angle, euler<2>},
+    {"yaw_rate", "derivative of the yaw, with the Earth's rate where the gyros measure it", key_units::rate,
+     yaw_rate},
     {"yaw_RFU", "of right-forward-up relative to east-north-up, 3-2-1", key_units::angle, euler_RFU<0>},
     {"pitch_RFU", "", key_units::angle, euler_RFU<1>},
     {"roll_RFU", "", key_units::angle, euler_RFU<2>},

@@ -280,9 +280,15 @@ TEST_F(ImuPlot, DecodesProductsOfBothLinks) {
 
 // Ten measurements a second between slower messages, of the rate about z alone.
 TEST_F(ImuPlot, SlowMessagesDoNotCountForTheRate) {
+  std::ofstream(folder_ / "turns.toml") << "frame_version = 1\nname = \"turns\"\ndocument = \"none\"\n"
+                                           "[line]\nbaud = 115200\n"
+                                           "[[message]]\nname = \"DATE\"\nrate_hz = 1\n"
+                                           "text = \"$D,{utc_day:02d?}*{check:xor8}\\r\\n\"\n"
+                                           "[[message]]\nname = \"TURN\"\nrate_hz = 10\n"
+                                           "text = \"$R,{rate_z_deg_per_s:.1f}*{check:xor8}\\r\\n\"\n";
   write_config(
-      "port = \"pty:imu1\"\nprotocol = \"nmea\"\nrate_hz = 100\ngyro.max_rad_per_s = 10\n"
-      "accelerometer.max_m_per_s2 = 200\n");
+      "port = \"pty:imu1\"\nprotocol = \"frame\"\ndevice.frame_file = \"turns.toml\"\nrate_hz = 100\n"
+      "gyro.max_rad_per_s = 10\naccelerometer.max_m_per_s2 = 200\n");
   const auto result = plot("run.png");
   EXPECT_EQ(result.exit_code, 0) << result.errors;
   EXPECT_TRUE(contains(result.output, " samples at 10 Hz,")) << result.output;

@@ -133,6 +133,20 @@ TEST(TextMessage, AnglesAndTimesOfDay) {
             "000000.00 000000 24\n");
 }
 
+// By sbgECom's manual ROT is "not the IMU gyroscope Z value but rather the true heading derivative".
+TEST(TextMessage, TheRateOfTurnIsTheDerivativeOfTheHeading) {
+  const std::string rates = "{yaw_rate_deg_per_s:.3f},{rate_z_deg_per_s:.3f}\\n";
+  Sample sample = text_sample();
+  sample.q_LP = Quaternion(std::sqrt(0.75), 0.5, 0, 0);  // a level turn of 10 deg/s with a roll of 60 deg
+  sample.rate = units::degree * Vector3(0, 10 * std::sqrt(0.75), 5);
+  EXPECT_EQ(written(rates, sample), "10.000,5.000\n");
+  sample.q_LP = Quaternion(0.9659258262890683, 0, 0.25881904510252074, 0);  // a pitch of 30 deg
+  sample.rate = units::degree * Vector3(7, -3, 10 * std::sqrt(0.75));
+  EXPECT_EQ(written(rates, sample), "10.000,8.660\n");
+  sample.q_LP = Quaternion(std::sqrt(0.5), 0, std::sqrt(0.5), 0);  // there is no heading
+  EXPECT_EQ(written(rates, sample), "0.000,8.660\n");
+}
+
 TEST(TextMessage, AHeadingHasNoModulus) {
   Sample sample = text_sample();
   sample.q_LP = Quaternion(std::cos(-1e-6), 0, 0, std::sin(-1e-6));  // yaw -1.1e-4 deg
