@@ -37,7 +37,7 @@ class Emergencies {
   void report(bool may_send, DeviceTime now, FrameBuffer& out) noexcept;
 
   std::uint8_t error_register() const noexcept;
-  // The history of errors (1003), the newest error first.
+  // The history of errors (1003), the newest error first. Requires `i` below history_size().
   std::size_t history_size() const noexcept { return history_size_; }
   std::uint32_t history(std::size_t i) const noexcept { return history_[i]; }
   void step_clock(Nanoseconds by) noexcept {

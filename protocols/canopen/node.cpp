@@ -62,8 +62,7 @@ std::uint64_t Node::number(std::size_t position) const noexcept {
     case 0x1001:
       return emergencies.error_register();
     case 0x1003:
-      if (object.sub == 0) return emergencies.history_size();
-      return object.sub <= emergencies.history_size() ? emergencies.history(object.sub - 1U) : 0;
+      return object.sub == 0 ? emergencies.history_size() : emergencies.history(object.sub - 1U);
     case 0x1010:
     case 0x1011:
       return 1;  // the device stores and loads on command
@@ -79,6 +78,7 @@ Abort Node::read(std::uint16_t index, std::uint8_t sub, std::span<std::byte> val
   if (position == object_count) return has_object(index) ? Abort::no_subindex : Abort::no_object;
   const Object& object = objects[position];
   if (object.access == Access::write_only) return Abort::write_only;
+  if (object.index == 0x1003 && object.sub > emergencies.history_size()) return Abort::no_data;
   if (object.type != Type::text) {
     size = size_of(object.type);
     write_little(number(position), value.first(size));

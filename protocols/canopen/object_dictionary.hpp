@@ -35,7 +35,8 @@ enum class Abort : std::uint32_t {
   value = 0x0609'0030,
   value_too_high = 0x0609'0031,
   not_stored = 0x0800'0020,
-  state = 0x0800'0022,  // the present state of the device forbids it
+  state = 0x0800'0022,    // the present state of the device forbids it
+  no_data = 0x0800'0024,  // there is no value at present
 };
 
 // Data types (CiA 301, table 44), with the values of their indexes.

@@ -12,7 +12,7 @@ NODE = 10
 # Of the data types in use: the format of struct, or None for a text.
 TYPES = {0x03: "<h", 0x04: "<i", 0x05: "<B", 0x06: "<H", 0x07: "<I", 0x08: "<f", 0x09: None, 0x0C: "<IH", 0x1B: "<Q"}
 NO_OBJECT, NO_SUBINDEX = 0x06020000, 0x06090011
-WRITE_ONLY, READ_ONLY, TOO_LONG = 0x06010001, 0x06010002, 0x06070012
+WRITE_ONLY, READ_ONLY, TOO_LONG, NO_DATA = 0x06010001, 0x06010002, 0x06070012, 0x08000024
 # Objects that do not take back what they have: they want a command.
 COMMANDS = {0x1010: 0x08000020, 0x1011: 0x08000020}
 
@@ -101,12 +101,20 @@ def entries(eds):
                 yield index, int(name.partition("sub")[2], 16), eds[name]
 
 
+def is_error(index, sub):
+    """Returns True for an entry of the history of errors, which is empty."""
+    return index == 0x1003 and sub > 0
+
+
 def check_value(client, index, sub, section):
-    """Returns the value, as it has been uploaded; of an object that is only written: b""."""
+    """Returns the value, as it has been uploaded; of an object without a value that can be read: b""."""
     where, layout = (hex(index), sub), TYPES[int(section["DataType"], 0)]
     code = client.aborted(client.upload, index, sub)
     if section["AccessType"] == "wo":
         require(code == WRITE_ONLY, where, code)
+        return b""
+    if is_error(index, sub):
+        require(code == NO_DATA, where, code)
         return b""
     require(code is None, where, code)
     value = client.upload(index, sub)
@@ -139,7 +147,7 @@ def check_access(client, index, sub, section, value):
 
 def check_mapping(client, index, sub, section):
     """Writes an entry of TPDO4, which maps the object."""
-    size = 0 if section["AccessType"] == "wo" else len(client.upload(index, sub))
+    size = 0 if section["AccessType"] == "wo" or is_error(index, sub) else len(client.upload(index, sub))
     entry = struct.pack("<I", index << 16 | sub << 8 | (8 * size & 0xFF))
     code = client.aborted(client.download, 0x1A03, 1, entry)
     require(code == (None if section["PDOMapping"] == "1" else 0x06040041), hex(index), sub, code)
@@ -157,7 +165,7 @@ def check_absence(slave, known):
         message = bytes.fromhex(answer.split()[-1][4:])
         code = struct.unpack("<I", message[4:])[0] if message[0] == 0x80 else None
         if (index, sub) in known:
-            require(code in (None, WRITE_ONLY), hex(index), sub, code)
+            require(code == NO_DATA if is_error(index, sub) else code in (None, WRITE_ONLY), hex(index), sub, code)
         else:
             absent += 1
             require(code == (NO_SUBINDEX if index in indexes else NO_OBJECT), hex(index), sub, code)

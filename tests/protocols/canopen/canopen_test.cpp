@@ -216,10 +216,12 @@ TEST(Canopen, ReportsSaturationAndItsEnd) {
   EXPECT_EQ(unit.read(0x1003, 0), 2U);
   EXPECT_EQ(unit.read(0x1003, 1), 0x0008'FF02U);
   EXPECT_EQ(unit.read(0x1003, 2), 0x0002'FF01U);
-  EXPECT_EQ(unit.read(0x1003, 3), 0U);
+  // CiA 301, 7.5.2.4, and CANopenNode 4, CO_Emergency.c, OD_read_1003(): there is no such error, and no data.
+  EXPECT_EQ(unit.read_abort(0x1003, 3), 0x08000024U);
   EXPECT_EQ(unit.write(0x1003, 0, 1, 1), 0x06090030U);
   EXPECT_EQ(unit.write(0x1003, 0, 0, 1), 0U);
   EXPECT_EQ(unit.read(0x1003, 0), 0U);
+  EXPECT_EQ(unit.read_abort(0x1003, 1), 0x08000024U);
 }
 
 TEST(Canopen, TheIdentifierOfEmergenciesCanChangeOrBeInvalid) {
