@@ -169,10 +169,11 @@ class J1939Device final : public Device {
     send(header(number), Data(bytes_of(word)).first(unit_.model->pads ? 8 : size), out);
   }
 
+  // Sends an acknowledgement. Its group function value, byte 1, is not applicable.
   void acknowledge(Answer control, std::uint32_t number, std::uint8_t node, FrameBuffer& out) noexcept {
     if (control != accepted) ++counts_[requests_refused];
     send(header(pgn::acknowledgement),
-         std::uint64_t{control} | 0xFFFF'0000U | std::uint64_t{node} << 32 | std::uint64_t{number} << 40, out);
+         std::uint64_t{control} | 0xFFFF'FF00U | std::uint64_t{node} << 32 | std::uint64_t{number} << 40, out);
   }
 
   void on_request(const Message& message, DeviceTime now, FrameBuffer& replies) noexcept {

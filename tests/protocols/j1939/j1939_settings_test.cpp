@@ -25,11 +25,11 @@ TEST(J1939RequestTest, AcceptsBothByteOrders) {
     Claimed unit(std::string("request_byte_order=") + order);
     return unit.give(text);
   };
-  const Texts ari = {"0CF02A80#007D007D007D4000"}, refused = {"18E8FF80#0100FFFF002AF000"};
+  const Texts ari = {"0CF02A80#007D007D007D4000"}, refused = {"18E8FF80#01FFFFFF002AF000"};
   EXPECT_EQ(answers("auto", "18EA8000#2AF000"), ari);
   EXPECT_EQ(answers("auto", "18EA8000#00F02A"), ari);
   EXPECT_EQ(answers("j1939", "18EA8000#2AF000"), ari);
-  EXPECT_EQ(answers("j1939", "18EA8000#00F02A"), Texts{"18E8FF80#0100FFFF0000F02A"});
+  EXPECT_EQ(answers("j1939", "18EA8000#00F02A"), Texts{"18E8FF80#01FFFFFF0000F02A"});
   EXPECT_EQ(answers("swapped", "18EA8000#00F02A"), ari);
   EXPECT_EQ(answers("swapped", "18EA8000#2AF000").size(), 1U);
   EXPECT_EQ(answers("swapped", "18EA8000#2AF000")[0].substr(0, 11), "18E8FF80#01");
@@ -41,13 +41,13 @@ TEST(J1939RequestTest, AcceptsBothByteOrders) {
 
 TEST(J1939RequestTest, RefusesOnlyWhatItAloneIsAskedFor) {
   Claimed unit;
-  EXPECT_EQ(unit.give("18EA8042#EBFE00"), Texts{"18E8FF80#0100FFFF42EBFE00"});
+  EXPECT_EQ(unit.give("18EA8042#EBFE00"), Texts{"18E8FF80#01FFFFFF42EBFE00"});
   EXPECT_TRUE(unit.give("18EAFF42#EBFE00 18EA8142#EBFE00 18EA8042#EBFE 18EA8042#EBFE0000 18EA8042#R").empty());
   EXPECT_EQ(unit.count("requests_refused"), 1U);
   // Messages of the other model.
-  EXPECT_EQ(unit.give("18EA8042#6AFF00"), Texts{"18E8FF80#0100FFFF426AFF00"});
+  EXPECT_EQ(unit.give("18EA8042#6AFF00"), Texts{"18E8FF80#01FFFFFF426AFF00"});
   Unit fresh("claim_wait_ms=0");
-  EXPECT_EQ(fresh.give("18EA8042#2AF000"), Texts{"18E8FF80#0300FFFF422AF000"}) << "no sample yet: it cannot respond";
+  EXPECT_EQ(fresh.give("18EA8042#2AF000"), Texts{"18E8FF80#03FFFFFF422AF000"}) << "no sample yet: it cannot respond";
 }
 
 TEST(J1939RequestTest, IdentifiesItselfAsTheFirmwareDoes) {
@@ -64,8 +64,10 @@ TEST(J1939RequestTest, RefusesAccessToItsMemory) {
   EXPECT_TRUE(unit.give("18D98142#10DF0000000807FF").empty());
 }
 
-const Texts accepted(std::string extension) { return {"18E8FF80#0000FFFF42" + extension + "FF00"}; }
-const Texts refused(std::string extension) { return {"18E8FF80#0100FFFF42" + extension + "FF00"}; }
+// Byte 1, the group function value, is not applicable, and so FF: SAE J1939-21, 5.4.4, as AgIsoStack++ has it
+// (can_parameter_group_number_request_protocol.cpp, send_acknowledgement()).
+const Texts accepted(std::string extension) { return {"18E8FF80#00FFFFFF42" + extension + "FF00"}; }
+const Texts refused(std::string extension) { return {"18E8FF80#01FFFFFF42" + extension + "FF00"}; }
 
 struct SettingCase {
   const char* set;

@@ -26,7 +26,7 @@ TEST(J1939Test, SendsKnownFramesInAscendingOrder) {
   // The rates are those of no filter: bit 7 of the user behavior, which is mode 1 of ARI.
   EXPECT_EQ(unit.sample(known_sample()),
             (Texts{"08F02D80#007D007D2B798004", "0CF02980#00008200807A0004", "0CF02A80#807D007C807E4004"}));
-  EXPECT_EQ(unit.give("18FF5900#8000008000FF"), Texts{"18E8FF80#0000FFFF0059FF00"});
+  EXPECT_EQ(unit.give("18FF5900#8000008000FF"), Texts{"18E8FF80#00FFFFFF0059FF00"});
   EXPECT_EQ(unit.sample(known_sample()),
             (Texts{"08F02D80#007D007D2B798004", "0CF02980#00008200807A0004", "0CF02A80#807D007C807E0004"}));
 }

@@ -68,9 +68,9 @@ TEST(J1939TransportTest, SendsToSeveralNodesAtOnce) {
     EXPECT_EQ(count_of(unit.give("18EA80" + std::string(node) + "#C5FD00"), "1CEC" + std::string(node) + "80#10"),
               1U);
   // It cannot respond: too many, and a second one to the same node.
-  EXPECT_EQ(unit.give("18EA8027#C5FD00"), Texts{"18E8FF80#0300FFFF27C5FD00"});
+  EXPECT_EQ(unit.give("18EA8027#C5FD00"), Texts{"18E8FF80#03FFFFFF27C5FD00"});
   unit.give("1CEC8021#131C0004FFC5FD00");
-  EXPECT_EQ(unit.give("18EA8022#DAFE00"), Texts{"18E8FF80#0300FFFF22DAFE00"});
+  EXPECT_EQ(unit.give("18EA8022#DAFE00"), Texts{"18E8FF80#03FFFFFF22DAFE00"});
   EXPECT_EQ(count_of(unit.give("18EA8021#DAFE00"), "1CEC2180#10"), 1U);
   EXPECT_EQ(unit.count("requests_refused"), 2U);
 }
