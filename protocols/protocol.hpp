@@ -230,6 +230,10 @@ struct Protocol {
   // sends.
   std::vector<CanMessage> (*can_messages)(const Settings& settings, double rate_hz) = nullptr;
   std::vector<CanFilter> (*can_filters)(const Settings& settings) = nullptr;
+  // Returns, as text for people, the name by which the other nodes of a CAN bus know the unit, beside its
+  // identifiers, and the key that changes the name. Two units on one bus must not have the same name. Empty: the unit
+  // has none. nullptr: no unit has one. Throws as make does.
+  std::string (*bus_name)(const Settings& settings) = nullptr;
 
   // nullptr: this is no product, and its configuration must be complete. Throws as make does.
   Product (*product)(const Settings& settings) = nullptr;

@@ -111,6 +111,10 @@ class Together {
   void add_identifiers(const ImuConfig& imu) {
     const Transport* transport = transport_of(imu.port);
     if (transport == nullptr || !transport->is_shared) return;
+    if (imu.protocol->bus_name != nullptr)
+      if (const std::string name = imu.protocol->bus_name(imu.settings); !name.empty())
+        if (const auto [at, is_new] = bus_names_.emplace(std::pair{address_of(imu.port), name}, i_); !is_new)
+          clash("device", at->second, fmt::format("the same {} on the same bus", name));
     constexpr std::uint32_t extended = 1U << 31U, whole = 0x1FFF'FFFFU, whole_standard = 0x7FFU;
     for (const CanFilter& filter : imu.protocol->can_filters(imu.settings))
       if (!filter.inverted && filter.data &&
@@ -144,6 +148,7 @@ class Together {
     BusIdentifier at;
     std::size_t imu;
   };
+  std::map<std::pair<std::string, std::string>, std::size_t> bus_names_;  // see Protocol::bus_name
   std::map<BusIdentifier, std::size_t> identifiers_;  // identifiers that an imu sends, with the number of the imu
   std::vector<Identifier> received_;                  // identifiers that an imu receives without a mask
 };

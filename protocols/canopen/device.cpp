@@ -312,6 +312,7 @@ extern constexpr Protocol canopen_protocol = {
     .counters = counters,
     .can_messages = canopen::can_messages,
     .can_filters = canopen::can_filters,
+    .bus_name = canopen::bus_name,
     .make = [](const Settings& settings) -> std::unique_ptr<Device> {
       ObjectDictionary delivered;
       deliver(settings, delivered);

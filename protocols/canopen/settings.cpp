@@ -213,4 +213,11 @@ std::vector<CanMessage> can_messages(const Settings& settings, double rate_hz) {
 // All messages pass, because a master can change most identifiers, and the node id by LSS.
 std::vector<CanFilter> can_filters(const Settings&) { return {{.id = 0, .mask = 0, .remote = true}}; }
 
+std::string bus_name(const Settings& settings) {
+  if (node_id_of(settings) != unconfigured) return {};
+  std::string text = "LSS address";
+  for (const std::uint32_t number : identity_of(settings)) text.append(" ").append(std::to_string(number));
+  return text + " (serial_number)";
+}
+
 }  // namespace imud::canopen

@@ -33,6 +33,9 @@ void deliver(const Settings& settings, ObjectDictionary& dictionary);
 
 std::vector<CanMessage> can_messages(const Settings& settings, double rate_hz);
 std::vector<CanFilter> can_filters(const Settings& settings);
+// Returns the LSS address of a unit that waits for LSS to set its node id. Units with one LSS address would get one
+// node id (CiA 305).
+std::string bus_name(const Settings& settings);
 
 std::unique_ptr<Decoder> make_decoder(const Settings& settings);
 

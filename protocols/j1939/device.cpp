@@ -374,6 +374,7 @@ extern constexpr Protocol j1939_protocol = {
     .counters = counters,
     .can_messages = can_messages,
     .can_filters = can_filters,
+    .bus_name = bus_name,
     .product = product_of,
     .make = make_as<Device, J1939Device>,
     .make_decoder = j1939::make_decoder,

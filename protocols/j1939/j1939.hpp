@@ -40,6 +40,8 @@ Product product_of(const Settings& settings);
 // their identifiers contain the address of the host.
 std::vector<CanMessage> can_messages(const Settings& settings, double rate_hz);
 std::vector<CanFilter> can_filters(const Settings& settings);
+// Returns the NAME, which is the unit's alone (SAE J1939-81): claims and commanded addresses are for a NAME.
+std::string bus_name(const Settings& settings);
 
 // Returns a decoder of the rates and accelerations of one unit, from ARI and ACCS, or from their forms of high
 // resolution if the unit sends these. If the unit moves to another address, the decoder follows it by its NAME.

@@ -1,5 +1,7 @@
 #include <algorithm>
+#include <cinttypes>
 #include <cmath>
+#include <cstdio>
 #include <stdexcept>
 
 #include "core/units.hpp"
@@ -201,6 +203,12 @@ std::vector<CanFilter> can_filters(const Settings& settings) {
   filters.push_back(of_source(static_cast<std::uint32_t>(settings.integer("source_address")), 0xFF));
   if (unit.name.arbitrary_address) filters.push_back(of_source(pool_begin, pool_begin));
   return filters;
+}
+
+std::string bus_name(const Settings& settings) {
+  char text[64];
+  std::snprintf(text, sizeof text, "NAME 0x%016" PRIX64 " (name_identity)", unit_of(settings).name.word());
+  return text;
 }
 
 }  // namespace imud::j1939

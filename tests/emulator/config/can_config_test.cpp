@@ -53,6 +53,44 @@ TEST_F(CanConfig, TwoImusUseDifferentIdentifiers) {
   EXPECT_EQ(faults({}).size(), 1U);
 }
 
+// SAE J1939-81: each NAME is of one node alone. CiA 305: so is each LSS address.
+TEST_F(CanConfig, TwoImusHaveDifferentNames) {
+  const auto faults_of = [&](const std::string& product, const std::string& first, const std::string& second,
+                             const std::string& second_port = "canmcast:0") {
+    const std::string text =
+        "[truth]\nport = \"udp:127.0.0.1:9810\"\n[[imu]]\nname = \"a\"\nport = \"canmcast:0\"\n" + product + first +
+        "[[imu]]\nname = \"b\"\nport = \"" + second_port + "\"\n" + product + second;
+    try {
+      load_config(write("names.toml", text));
+    } catch (const ConfigError& error) {
+      return error.faults;
+    }
+    return std::vector<std::string>();
+  };
+  const std::string j1939 = "protocol = \"j1939\"\n", first = "device.source_address = 130\n",
+                    second = "device.source_address = 131\n";
+  const auto name = faults_of(j1939, first, second);
+  ASSERT_EQ(name.size(), 1U);
+  EXPECT_NE(name[0].find("imu.1.device: the same NAME 0x8000830066E00001 (name_identity) on the same bus as imu.0; "
+                         "give another"),
+            std::string::npos)
+      << name[0];
+  EXPECT_EQ(faults_of(j1939, first, second + "device.name_identity = 2\n").size(), 0U);
+  EXPECT_EQ(faults_of(j1939, first, second, "canmcast:1").size(), 0U) << "another bus";
+
+  const std::string canopen =
+      "protocol = \"canopen\"\nrate_hz = 100\ngyro.max_rad_per_s = 10\naccelerometer.max_m_per_s2 = 200\n";
+  const std::string waits = "device.node_id = 255\n";
+  const auto address = faults_of(canopen, waits, waits);
+  ASSERT_EQ(address.size(), 1U);
+  EXPECT_NE(
+      address[0].find("imu.1.device: the same LSS address 0 1 65536 1 (serial_number) on the same bus as imu.0"),
+      std::string::npos)
+      << address[0];
+  EXPECT_EQ(faults_of(canopen, waits, waits + "device.serial_number = 2\n").size(), 0U);
+  EXPECT_EQ(faults_of(canopen, "device.node_id = 10\n", "device.node_id = 11\n").size(), 0U);
+}
+
 TEST_F(CanConfig, AnIdentifierOfElevenBitsIsNotThatOfTwentyNine) {
   EXPECT_EQ(faults({"imu.1.device.extended=true"}).size(), 0U);
   EXPECT_EQ(faults({"imu.0.device.extended=true", "imu.1.device.extended=true"}).size(), 1U);
