@@ -1,6 +1,7 @@
 #include "protocols/signals/dbc_file.hpp"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <filesystem>
 #include <fstream>
@@ -9,6 +10,7 @@
 #include <utility>
 
 #include "core/numbers/number_text.hpp"
+#include "protocols/wire/wire.hpp"
 
 namespace imud {
 namespace {
@@ -232,8 +234,7 @@ class DbcParser {
       DbcSignal* const signal = signal_of("BA_");
       const double initial = tokens_.real("BA_");
       if (signal == nullptr) return;
-      signal->initial = raw(initial);
-      initialised_.push_back(signal->line);
+      initial_[signal->line] = initial;
     } else if (name == "VFrameFormat" && tokens_.skip("BO_")) {
       DbcMessage* const message = message_of("BA_");
       const std::string_view format = tokens_.next().text;  // an index, or a name
@@ -254,7 +255,7 @@ class DbcParser {
     if (name == "GenMsgCycleTime") {
       default_cycle_ = cycle_time();
     } else if (name == "GenSigStartValue") {
-      default_initial_ = raw(tokens_.real("BA_DEF_DEF_"));
+      default_initial_ = tokens_.real("BA_DEF_DEF_");
     }
   }
 
@@ -322,19 +323,22 @@ class DbcParser {
     return nanoseconds(1e-3 * ms);
   }
 
-  // Returns the raw number of an initial value, in two's complement if it is negative.
-  static std::uint64_t raw(double number) noexcept {
+  // Returns the bits of an initial value: of a float, or of an integer, in two's complement if it is negative.
+  static std::uint64_t bits_of(double number, SignalFormat format) noexcept {
+    if (format == SignalFormat::float32) return std::bit_cast<std::uint32_t>(to_float(number));
+    if (format == SignalFormat::float64) return std::bit_cast<std::uint64_t>(number);
     const double limited = std::clamp(std::round(number), -0x1p63, 0x1.fffffffffffffp63);
     return limited < 0 ? static_cast<std::uint64_t>(static_cast<std::int64_t>(limited))
                        : static_cast<std::uint64_t>(limited);
   }
 
   void apply_defaults() {
-    std::ranges::sort(initialised_);
     for (std::size_t i = 0; i < messages_.size(); ++i) {
       if (!has_cycle_[i]) messages_[i].cycle = default_cycle_;
-      for (DbcSignal& signal : messages_[i].signals)
-        if (!std::ranges::binary_search(initialised_, signal.line)) signal.initial = default_initial_;
+      for (DbcSignal& signal : messages_[i].signals) {
+        const auto own = initial_.find(signal.line);
+        signal.initial = bits_of(own == initial_.end() ? default_initial_ : own->second, signal.encoding.format);
+      }
     }
   }
 
@@ -342,9 +346,9 @@ class DbcParser {
   std::vector<DbcMessage> messages_;
   std::map<std::uint32_t, std::size_t> by_id_;  // with extended_bit
   std::vector<bool> has_cycle_;                 // index: as messages_
-  std::vector<std::size_t> initialised_;        // the lines of the signals with their own initial value
+  std::map<std::size_t, double> initial_;       // the signals' own initial values, by the lines of the signals
   Nanoseconds default_cycle_ = {};
-  std::uint64_t default_initial_ = 0;
+  double default_initial_ = 0;
 };
 
 }  // namespace

@@ -27,7 +27,7 @@ struct DbcSignal {
   bool is_multiplexor = false;
   std::vector<PageRange> pages;  // not empty: present while the multiplexor has one of these values
   std::string multiplexor;       // name of the multiplexor; empty: the file does not name one
-  std::uint64_t initial = 0;     // GenSigStartValue, the raw number
+  std::uint64_t initial = 0;     // GenSigStartValue, the raw number; of a float, the bits of the number
 };
 
 struct DbcMessage {

@@ -111,6 +111,22 @@ TEST(DbcFileTest, EveryDefinitionIsRead) {
   EXPECT_EQ(floats.signals[1].encoding.format, SignalFormat::float64);
 }
 
+// GenSigStartValue is the raw number, and the raw number of a float is a float: cantools and canmatrix apply scale
+// and offset to it. The type of the signal may follow its start value.
+TEST(DbcFileTest, TheStartValueOfAFloatIsAFloat) {
+  const auto messages = parse_dbc(
+      "BO_ 1 A: 64 X\n SG_ F : 0|32@1- (1,0) [0|0] \"\" X\n SG_ D : 64|64@1- (1,0) [0|0] \"\" X\n"
+      " SG_ I : 128|32@1- (1,0) [0|0] \"\" X\n SG_ E : 192|32@1- (1,0) [0|0] \"\" X\n"
+      "SIG_VALTYPE_ 1 E : 1;\nBA_DEF_DEF_ \"GenSigStartValue\" 3;\nBA_ \"GenSigStartValue\" SG_ 1 F 1.5;\n"
+      "BA_ \"GenSigStartValue\" SG_ 1 D -2.25;\nSIG_VALTYPE_ 1 F : 1;\nSIG_VALTYPE_ 1 D : 2;\n");
+  ASSERT_EQ(messages.size(), 1U);
+  ASSERT_EQ(messages[0].signals.size(), 4U);
+  EXPECT_EQ(messages[0].signals[0].initial, 0x3FC0'0000U);
+  EXPECT_EQ(messages[0].signals[1].initial, 0xC002'0000'0000'0000U);
+  EXPECT_EQ(messages[0].signals[2].initial, 3U);
+  EXPECT_EQ(messages[0].signals[3].initial, 0x4040'0000U) << "the default";
+}
+
 std::string fault_of(std::string_view text) {
   try {
     parse_dbc(text);
