@@ -17,6 +17,7 @@ namespace {
 
 constexpr std::size_t max_file_size = 16 << 20;  // bytes
 constexpr std::size_t max_signals = 4096;        // of a message
+constexpr std::size_t max_classic_size = 8;      // bytes of a message that needs no CAN FD
 constexpr std::uint32_t extended_bit = 0x8000'0000;
 constexpr double max_cycle_ms = 1e8;
 
@@ -152,11 +153,12 @@ class DbcParser {
     message.name = tokens_.name("BO_");
     tokens_.expect(":", "BO_");
     message.size = tokens_.number<std::uint32_t>("BO_");
-    message.fd = message.size > 8;
+    message.fd = message.size > max_classic_size;
     if (!by_id_.emplace(id, messages_.size()).second)
       refuse(line, "BO_: a message with the identifier " + std::to_string(id) + " is already defined");
     messages_.push_back(std::move(message));
     has_cycle_.push_back(false);
+    has_format_.push_back(false);
   }
 
   void signal(std::size_t line) {
@@ -237,8 +239,10 @@ class DbcParser {
       initial_[signal->line] = initial;
     } else if (name == "VFrameFormat" && tokens_.skip("BO_")) {
       DbcMessage* const message = message_of("BA_");
-      const std::string_view format = tokens_.next().text;  // an index, or a name
-      if (message != nullptr && (format == "14" || format == "15" || format.ends_with("CAN_FD"))) message->fd = true;
+      const bool is_fd = is_fd_format(tokens_.next().text);
+      if (message == nullptr) return;
+      message->fd = is_fd || message->size > max_classic_size;
+      has_format_[static_cast<std::size_t>(message - messages_.data())] = true;
     } else if (name == "SystemMessageLongSymbol" && tokens_.skip("BO_")) {
       DbcMessage* const message = message_of("BA_");
       const Token symbol = tokens_.next();
@@ -256,6 +260,8 @@ class DbcParser {
       default_cycle_ = cycle_time();
     } else if (name == "GenSigStartValue") {
       default_initial_ = tokens_.real("BA_DEF_DEF_");
+    } else if (name == "VFrameFormat") {
+      is_fd_by_default_ = is_fd_format(tokens_.next().text);
     }
   }
 
@@ -323,6 +329,11 @@ class DbcParser {
     return nanoseconds(1e-3 * ms);
   }
 
+  // Returns true for a value of VFrameFormat that is CAN FD: an index, or a name.
+  static bool is_fd_format(std::string_view format) noexcept {
+    return format == "14" || format == "15" || format.ends_with("CAN_FD");
+  }
+
   // Returns the bits of an initial value: of a float, or of an integer, in two's complement if it is negative.
   static std::uint64_t bits_of(double number, SignalFormat format) noexcept {
     if (format == SignalFormat::float32) return std::bit_cast<std::uint32_t>(to_float(number));
@@ -335,6 +346,7 @@ class DbcParser {
   void apply_defaults() {
     for (std::size_t i = 0; i < messages_.size(); ++i) {
       if (!has_cycle_[i]) messages_[i].cycle = default_cycle_;
+      if (!has_format_[i]) messages_[i].fd |= is_fd_by_default_;
       for (DbcSignal& signal : messages_[i].signals) {
         const auto own = initial_.find(signal.line);
         signal.initial = bits_of(own == initial_.end() ? default_initial_ : own->second, signal.encoding.format);
@@ -345,10 +357,11 @@ class DbcParser {
   DbcTokens tokens_;
   std::vector<DbcMessage> messages_;
   std::map<std::uint32_t, std::size_t> by_id_;  // with extended_bit
-  std::vector<bool> has_cycle_;                 // index: as messages_
+  std::vector<bool> has_cycle_, has_format_;    // index: as messages_
   std::map<std::size_t, double> initial_;       // the signals' own initial values, by the lines of the signals
   Nanoseconds default_cycle_ = {};
   double default_initial_ = 0;
+  bool is_fd_by_default_ = false;
 };
 
 }  // namespace

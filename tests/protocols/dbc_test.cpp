@@ -127,6 +127,20 @@ TEST(DbcFileTest, TheStartValueOfAFloatIsAFloat) {
   EXPECT_EQ(messages[0].signals[3].initial, 0x4040'0000U) << "the default";
 }
 
+// cantools, dbc.py, get_message_frame_format(): a message without the attribute has the default of its definition.
+TEST(DbcFileTest, TheFrameFormatHasADefault) {
+  const auto fd_of = [](const std::string& text) {
+    std::vector<bool> all;
+    for (const DbcMessage& message : parse_dbc("BO_ 1 A: 8 X\nBO_ 2 B: 8 X\nBO_ 3 C: 12 X\nBO_ 4 D: 12 X\n" + text +
+                                               "BA_ \"VFrameFormat\" BO_ 2 0;\n" + "BA_ \"VFrameFormat\" BO_ 4 0;\n"))
+      all.push_back(message.fd);
+    return all;
+  };
+  EXPECT_EQ(fd_of("BA_DEF_DEF_ \"VFrameFormat\" \"StandardCAN_FD\";\n"), (std::vector{true, false, true, true}));
+  EXPECT_EQ(fd_of("BA_DEF_DEF_ \"VFrameFormat\" 15;\n"), (std::vector{true, false, true, true}));
+  EXPECT_EQ(fd_of("BA_DEF_DEF_ \"VFrameFormat\" \"StandardCAN\";\n"), (std::vector{false, false, true, true}));
+}
+
 std::string fault_of(std::string_view text) {
   try {
     parse_dbc(text);
