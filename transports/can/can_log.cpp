@@ -57,7 +57,9 @@ char* append_data(char* at, std::span<const std::byte> bytes, bool is_apart) noe
 
 bool is_of_a_bus(const Frame& frame) noexcept {
   const CanHeader& can = frame.can;
-  return !can.error && can.id <= (can.extended ? CAN_EFF_MASK : CAN_SFF_MASK) && !(can.fd && can.remote) &&
+  if (can.error)
+    return can.id <= CAN_ERR_MASK && !can.extended && !can.fd && !can.remote && frame.bytes.size() <= CAN_MAX_DLEN;
+  return can.id <= (can.extended ? CAN_EFF_MASK : CAN_SFF_MASK) && !(can.fd && can.remote) &&
          frame.bytes.size() <= (can.fd ? CANFD_MAX_DLEN : CAN_MAX_DLEN);
 }
 
@@ -99,7 +101,7 @@ std::size_t write_can_log(CanLogFormat format, const Frame& frame, Nanoseconds t
     *at++ = ' ';
     at = std::copy(interface.begin(), interface.end(), at);
     *at++ = ' ';
-    at = append_digits<16>(at, can.id, can.extended ? 8 : 3);
+    at = append_digits<16>(at, can.error ? CAN_ERR_FLAG | can.id : can.id, can.extended || can.error ? 8 : 3);
     *at++ = '#';
     if (can.remote)
       at = size > 0 ? append(at, FMT_COMPILE("R{}"), size) : append(at, FMT_COMPILE("R"));
@@ -109,7 +111,9 @@ std::size_t write_can_log(CanLogFormat format, const Frame& frame, Nanoseconds t
   } else {
     at = append(at, FMT_COMPILE("{:4}.{:06} "), second, rest);
     const unsigned channel = channel_of(interface);
-    if (can.fd) {
+    if (can.error) {
+      at = append(at, FMT_COMPILE("{:<2} ErrorFrame"), channel);
+    } else if (can.fd) {
       at = append(at, FMT_COMPILE("CANFD {:3} Rx{:11X}{}{:33} {} 0 {:x} {:2}"), channel, can.id,
                   can.extended ? 'x' : ' ', "", can.bit_rate_switch ? 1 : 0, dlc_of(size), length);
       append_padded(true);

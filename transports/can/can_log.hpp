@@ -24,7 +24,8 @@ constexpr std::size_t max_can_log_line = 384;
 std::string_view can_log_header(CanLogFormat format) noexcept;
 
 // Writes the line of a frame, with a line feed. Returns the length of the line, bytes; 0 if a CAN bus cannot carry
-// the frame. `time` is written with a resolution of 1 us; a negative time is written as 0. `interface` has at most
+// the frame. The log has the error frames of the kernel (linux/can/error.h): in an ASC log without their content.
+// `time` is written with a resolution of 1 us; a negative time is written as 0. `interface` has at most
 // 15 characters: a candump log contains this name, an ASC log the channel_of() this name.
 std::size_t write_can_log(CanLogFormat format, const Frame& frame, Nanoseconds time, std::string_view interface,
                           std::span<char, max_can_log_line> line) noexcept;

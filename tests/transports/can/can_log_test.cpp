@@ -77,9 +77,22 @@ TEST(CanLog, LinesAreThoseOfCanUtils) {
       "BB CC   130000  130     3000 0 0 0 0 0\n");
 }
 
+// As log2asc 2020.11 writes the first line; asc2log gives every ErrorFrame the identifier 20000080 and eight zeros.
+TEST(CanLog, ErrorFramesAreWritten) {
+  constexpr CanHeader error = {.id = 0x88, .error = true};
+  EXPECT_EQ(written(CanLogFormat::candump, error, 8, Nanoseconds{0}),
+            "(0000000000.000000) can0 20000088#1122334455667788\n");
+  EXPECT_EQ(written(CanLogFormat::asc, error, 8, Nanoseconds{0}), "   0.000000 1  ErrorFrame\n");
+  CanLogReader log;
+  const auto read = frames_of(log, written(CanLogFormat::candump, error, 8, Nanoseconds{0}));
+  ASSERT_EQ(read.size(), 1U);
+  EXPECT_EQ(read[0].header, error);
+  EXPECT_EQ(read[0].bytes, bytes(8));
+}
+
 TEST(CanLog, AFrameThatNoBusCarriesHasNoLine) {
   for (const CanHeader& header : {CanHeader{.id = 0x800}, CanHeader{.id = 1U << 29U, .extended = true},
-                                  CanHeader{.error = true}, CanHeader{.fd = true, .remote = true}})
+                                  CanHeader{.fd = true, .error = true}, CanHeader{.fd = true, .remote = true}})
     EXPECT_EQ(written(CanLogFormat::candump, header, 1, Nanoseconds{0}), "");
   EXPECT_EQ(written(CanLogFormat::candump, standard, 9, Nanoseconds{0}), "");
   EXPECT_EQ(written(CanLogFormat::candump, fd, 65, Nanoseconds{0}), "");
