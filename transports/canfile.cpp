@@ -74,7 +74,8 @@ class LogWriter final : public FileWriter {
 
 class LogPort final : public Port {
  public:
-  explicit LogPort(const PortSpec& spec) : file_(spec), log_(spec.text(interface_option.key)) {}
+  explicit LogPort(const PortSpec& spec)
+      : file_(spec), interface_(spec.text(interface_option.key)), log_(interface_) {}
 
   void send(std::span<const Frame> frames) noexcept override { counters_.dropped += frames.size(); }
 
@@ -144,11 +145,15 @@ class LogPort final : public Port {
     else if (malformed_ > 0)
       describe(FMT_STRING("{} of {} lines are no frames, first line {}; {}"), malformed_, line_number_,
                first_malformed_, right);
+    else if (counters_.received == 0 && interface_)
+      describe(FMT_STRING("none of its {} lines is a frame of {}; give an interface of the log; {}"), line_number_,
+               *interface_, right);
     else if (counters_.received == 0)
       describe(FMT_STRING("none of its {} lines is a frame; {}"), line_number_, right);
   }
 
   FileInput file_;
+  const std::optional<std::string> interface_;  // the only one whose frames are read; nullopt: all
   CanLogReader log_;
   std::vector<char> text_ = std::vector<char>(64 * 1024);
   std::size_t begin_ = 0, end_ = 0;  // bytes that were read, but not parsed yet

@@ -164,9 +164,9 @@ TEST(CanFile, ALineMayComeInPieces) {
 
 TEST(CanFile, DamageIsReportedAtTheEnd) {
   const ScratchFolder folder;
-  const auto warning = [&](const std::string& text, std::uint64_t frames) {
+  const auto warning = [&](const std::string& text, std::uint64_t frames, const std::string& options = "") {
     std::ofstream(folder / "x") << text;
-    const auto port = open_port("canfile:" + folder / "x", Role::listener);
+    const auto port = open_port("canfile:" + folder / "x" + options, Role::listener);
     while (!port->at_end()) port->receive();
     EXPECT_EQ(port->counters().received, frames);
     return std::string(port->end_warning());
@@ -175,6 +175,10 @@ TEST(CanFile, DamageIsReportedAtTheEnd) {
             "2 of 5 lines are no frames, first line 2; right would be the text of candump -L, or Vector ASC");
   EXPECT_EQ(warning("  can0  123   [1]  11\n", 0),
             "none of its 1 lines is a frame; right would be the text of candump -L, or Vector ASC");
+  EXPECT_EQ(warning("(1.0) can0 123#11\n(2.0) can0 124#\n", 0, "?interface=can1"),
+            "none of its 2 lines is a frame of can1; give an interface of the log; right would be the text of "
+            "candump -L, or Vector ASC");
+  EXPECT_EQ(warning("(1.0) can0 123#11\n(2.0) can1 124#\n", 1, "?interface=can1"), "");
   EXPECT_NE(warning(std::string(300'000, 'x') + "\n(1.0) can0 123#\n", 1), "none") << "a line of any length";
   EXPECT_NE(warning("", 0), "");
 }
