@@ -22,6 +22,11 @@ constexpr PortOption wait_option = {
 constexpr PortOption can_options[] = {bitrate_option, data_bitrate_option, mtu_option, frames_per_s_option,
                                       max_age_option, confirm_option,      wait_option};
 
+void check(const PortSpec& spec, const PortSettings& settings) {
+  if (settings.sends_fd && spec.one_of(mtu_option) == "16")
+    throw spec.error("mtu=16: the device sends frames of CAN FD, which need 72; omit mtu");
+}
+
 std::unique_ptr<Port> open(const PortSpec& spec, const PortSettings& settings) {
   if (spec.address.size() >= IFNAMSIZ)
     throw spec.error("the name is too long for an interface; right would be a name such as can0");
@@ -55,6 +60,7 @@ extern constexpr Transport can_transport = {
     .carries_can = true,
     .keeps_datagrams = true,
     .is_shared = true,
+    .check = check,
     .open = open,
     .wire_time = can_wire_time,
 };

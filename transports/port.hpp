@@ -46,6 +46,8 @@ struct PortSettings {
   // A virtual CAN interface without a limit of its rate only: samples leave in batches, and the host's frames are
   // read after each batch.
   bool collects = false;
+  // A device on a CAN bus only: sends frames of CAN FD.
+  bool sends_fd = false;
   // A listener of UDP only: receives the datagrams of this sender alone, and counts others as foreign.
   std::optional<Endpoint> from;
   // True: a regular file is written beside the old file and replaces it at commit(). False: the old file is

@@ -52,6 +52,11 @@ std::string opening(const PortSpec& spec) {
          command(spec, adapter_data_bitrate_option, data_bitrate_commands) + "O\r";
 }
 
+void check(const PortSpec& spec, const PortSettings& settings) {
+  if (settings.sends_fd && !spec.text(adapter_data_bitrate_option.key))
+    throw spec.error("the device sends frames of CAN FD; give their bit rate, such as data_bitrate=2000000");
+}
+
 std::unique_ptr<Port> open_line(const PortSpec& spec, const PortSettings& settings) {
   PortSpec line = spec;
   line.options.clear();
@@ -221,6 +226,7 @@ extern constexpr Transport slcan_transport = {
     .carries_can = true,
     .keeps_datagrams = true,
     .has_path = true,
+    .check = check,
     .open = open_as<SlcanPort>,
     .wire_time = can_wire_time,
 };

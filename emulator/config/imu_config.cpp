@@ -386,6 +386,9 @@ ImuConfig read_imu(TableReader& table, std::size_t index, const TruthConfig& tru
 
   require(table, "port", "where the sensor is connected, for example \"pty:imu1\"");
   imu.port = table.text("port", "");
+  if (imu.protocol != nullptr && imu.protocol->link == Link::can)
+    imu.port_settings.sends_fd = std::ranges::any_of(imu.protocol->can_messages(imu.settings, imu.rate_hz),
+                                                     [](const CanMessage& message) { return message.can.fd; });
   const Transport* transport = check_device_port(table, "port", imu.port, imu.port_settings);
   if (transport != nullptr && imu.protocol != nullptr) {
     const bool can = imu.protocol->link == Link::can;

@@ -91,6 +91,28 @@ TEST_F(CanConfig, TwoImusHaveDifferentNames) {
   EXPECT_EQ(faults_of(canopen, "device.node_id = 10\n", "device.node_id = 11\n").size(), 0U);
 }
 
+TEST_F(CanConfig, FramesOfCanFdNeedAPortThatCarriesThem) {
+  const auto faults_at = [&](const std::string& port, const std::string& fd) {
+    return faults({"imu.1.port=" + port, "imu.1.device.fd=" + fd});
+  };
+  const auto adapter = faults_at("slcan:/dev/ttyACM0?bitrate=500000", "true");
+  ASSERT_EQ(adapter.size(), 1U);
+  EXPECT_NE(adapter[0].find("imu.1.port: slcan:/dev/ttyACM0: the device sends frames of CAN FD; give their bit rate, "
+                            "such as data_bitrate=2000000"),
+            std::string::npos)
+      << adapter[0];
+  const auto classic = faults_at("can:vcan1?mtu=16", "true");
+  ASSERT_EQ(classic.size(), 1U);
+  EXPECT_NE(
+      classic[0].find("imu.1.port: can:vcan1: mtu=16: the device sends frames of CAN FD, which need 72; omit mtu"),
+      std::string::npos)
+      << classic[0];
+  for (const char* port : {"slcan:/dev/ttyACM0?bitrate=500000&data_bitrate=2000000", "can:vcan1?mtu=72", "can:vcan1"})
+    EXPECT_EQ(faults_at(port, "true").size(), 0U) << port;
+  for (const char* port : {"slcan:/dev/ttyACM0?bitrate=500000", "can:vcan1?mtu=16"})
+    EXPECT_EQ(faults_at(port, "false").size(), 0U) << port;
+}
+
 TEST_F(CanConfig, AnIdentifierOfElevenBitsIsNotThatOfTwentyNine) {
   EXPECT_EQ(faults({"imu.1.device.extended=true"}).size(), 0U);
   EXPECT_EQ(faults({"imu.0.device.extended=true", "imu.1.device.extended=true"}).size(), 1U);
