@@ -407,6 +407,11 @@ ImuConfig read_imu(TableReader& table, std::size_t index, const TruthConfig& tru
     else if (imu.load.percent >= BusLoad::high_percent && can)
       table.warn("port", fmt::format("{}; above {:.0f} % a CAN bus delays frames of low priority", imu.load.text(),
                                      BusLoad::high_percent));
+    if (imu.protocol->waits_for_host != nullptr && transport->ends)
+      if (const std::string_view setting = imu.protocol->waits_for_host(imu.settings); !setting.empty())
+        table.warn("port", fmt::format("the unit sends no measurements before a message of a host, which only the "
+                                       "replay of a record brings to a file; with device.{} it sends them",
+                                       setting));
   }
   if (read_second_port(table, imu) != nullptr && imu.protocol != nullptr) {
     imu.second_load = line_load(imu, 1);

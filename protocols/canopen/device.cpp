@@ -313,6 +313,7 @@ extern constexpr Protocol canopen_protocol = {
     .can_messages = canopen::can_messages,
     .can_filters = canopen::can_filters,
     .bus_name = canopen::bus_name,
+    .waits_for_host = canopen::waits_for_host,
     .make = [](const Settings& settings) -> std::unique_ptr<Device> {
       ObjectDictionary delivered;
       deliver(settings, delivered);

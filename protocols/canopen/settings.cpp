@@ -220,4 +220,9 @@ std::string bus_name(const Settings& settings) {
   return text + " (serial_number)";
 }
 
+std::string_view waits_for_host(const Settings& settings) {
+  if (node_id_of(settings) == unconfigured) return "node_id = 10";
+  return settings.flag("self_start") ? "" : "self_start = true";
+}
+
 }  // namespace imud::canopen

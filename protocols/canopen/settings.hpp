@@ -36,6 +36,7 @@ std::vector<CanFilter> can_filters(const Settings& settings);
 // Returns the LSS address of a unit that waits for LSS to set its node id. Units with one LSS address would get one
 // node id (CiA 305).
 std::string bus_name(const Settings& settings);
+std::string_view waits_for_host(const Settings& settings);
 
 std::unique_ptr<Decoder> make_decoder(const Settings& settings);
 

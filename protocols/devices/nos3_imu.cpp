@@ -176,6 +176,9 @@ extern constexpr Protocol nos3_imu_protocol = {
     .can_filters = [](const Settings& chosen) -> std::vector<CanFilter> {
       return {{.id = static_cast<std::uint32_t>(chosen.integer("request_id")), .remote = false}};
     },
+    .waits_for_host = [](const Settings& chosen) -> std::string_view {
+      return chosen.flag("with_requests") ? "" : "with_requests = true";
+    },
     .product =
         [](const Settings& chosen) {
           Product product;

@@ -319,6 +319,9 @@ extern constexpr Protocol dronecan_protocol = {
     .counters = counters,
     .can_messages = dronecan::can_messages,
     .can_filters = dronecan::can_filters,
+    .waits_for_host = [](const Settings& settings) -> std::string_view {
+      return settings.integer("node_id") == anonymous ? "node_id = 42" : "";
+    },
     .product = dronecan::product_of,
     .preset = [](const Settings&) -> std::string_view { return "icm-42688-p"; },
     .make = [](const Settings& settings) -> std::unique_ptr<Device> {

@@ -113,6 +113,33 @@ TEST_F(CanConfig, FramesOfCanFdNeedAPortThatCarriesThem) {
     EXPECT_EQ(faults_at(port, "false").size(), 0U) << port;
 }
 
+// A log has no host that would start the unit, give it a node id, or ask it.
+TEST_F(CanConfig, AUnitThatWaitsForAHostIsSilentAtAFile) {
+  const auto warnings_of = [&](const std::string& keys) {
+    return load_config(write("silent.toml", "[truth]\nport = \"udp:127.0.0.1:9810\"\n[[imu]]\n" + keys)).warnings;
+  };
+  const std::string limits = "rate_hz = 100\ngyro.max_rad_per_s = 10\naccelerometer.max_m_per_s2 = 200\n",
+                    log = "port = \"canfile:x.log\"\n";
+  struct Waits {
+    std::string keys, setting;
+  };
+  const Waits units[] = {{"protocol = \"canopen\"\n" + limits, "self_start = true"},
+                         {"protocol = \"dronecan\"\ndevice.node_id = 0\n", "node_id = 42"},
+                         {"protocol = \"nos3-imu\"\n", "with_requests = true"}};
+  for (const Waits& unit : units) {
+    const auto warnings = warnings_of(unit.keys + log);
+    ASSERT_EQ(warnings.size(), 1U) << unit.keys;
+    EXPECT_NE(warnings[0].find("imu.0.port: the unit sends no measurements before a message of a host"),
+              std::string::npos)
+        << warnings[0];
+    EXPECT_NE(warnings[0].find("with device." + unit.setting + " it sends them"), std::string::npos) << warnings[0];
+    EXPECT_EQ(warnings_of(unit.keys + "port = \"can:vcan0\"\n").size(), 0U) << unit.keys;
+  }
+  EXPECT_EQ(warnings_of(units[0].keys + log + "device.self_start = true\n").size(), 0U);
+  EXPECT_EQ(warnings_of("protocol = \"dronecan\"\n" + log).size(), 0U);
+  EXPECT_EQ(warnings_of(units[2].keys + log + "device.with_requests = true\n").size(), 0U);
+}
+
 TEST_F(CanConfig, AnIdentifierOfElevenBitsIsNotThatOfTwentyNine) {
   EXPECT_EQ(faults({"imu.1.device.extended=true"}).size(), 0U);
   EXPECT_EQ(faults({"imu.0.device.extended=true", "imu.1.device.extended=true"}).size(), 1U);
