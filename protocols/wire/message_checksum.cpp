@@ -40,6 +40,8 @@ static_assert(std::ranges::is_sorted(profiles, std::ranges::less_equal{}, &Profi
 
 const Profile& properties_of(ChecksumProfile profile) noexcept { return profiles[static_cast<std::size_t>(profile)]; }
 
+constexpr std::uint16_t largest_nibble_id = 0xFFF;
+
 unsigned halves(unsigned byte) noexcept { return (byte & 0xFU) + (byte >> 4 & 0xFU); }
 
 // Returns the sum of each(byte) over the bytes of the identifier.
@@ -153,6 +155,7 @@ std::optional<MessageChecksum> parse_checksum(std::string_view text) noexcept {
       sum.mode = static_cast<DataIdMode>(mode - std::begin(modes));
       if (sum.profile == Kind::e2e_p11 && (sum.mode == DataIdMode::low || sum.mode == DataIdMode::alt))
         return std::nullopt;
+      if (sum.mode == DataIdMode::nibble && sum.data_id > largest_nibble_id) return std::nullopt;
     }
   }
   if (!text.empty()) return std::nullopt;

@@ -59,7 +59,7 @@ enum class DataIdMode : std::uint8_t {
   both,    // low byte, then high byte
   low,     // low byte
   alt,     // low byte if the counter is even, otherwise high byte
-  nibble,  // low byte, then 0; bits 8 to 11 of the id are sent beside the counter
+  nibble,  // low byte, then 0; bits 8 to 11 of the id, which has 12 bits, are sent beside the counter
 };
 
 struct MessageChecksum {
@@ -87,7 +87,8 @@ struct MessageChecksum {
 // other text.
 std::optional<MessageChecksum> parse_checksum(std::string_view text) noexcept;
 inline constexpr std::string_view checksum_syntax =
-    "j1850, h2f, e2e_p01:ID:MODE (both, low, alt, nibble), e2e_p02:IDS (16 bytes in hexadecimal), e2e_p05:ID, "
-    "e2e_p11:ID:MODE (both, nibble), sum:START, xor:START, psa:START, toyota, subaru, tesla or honda";
+    "j1850, h2f, e2e_p01:ID:MODE (both, low, alt, or nibble with an ID of up to 0xFFF), "
+    "e2e_p02:IDS (16 bytes in hexadecimal), e2e_p05:ID, e2e_p11:ID:MODE (both, nibble), "
+    "sum:START, xor:START, psa:START, toyota, subaru, tesla or honda";
 
 }  // namespace imud

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <string>
 #include <vector>
 
 #include "tests/protocols/recording.hpp"
@@ -137,6 +138,13 @@ TEST(MessageChecksumTest, TextsOfEveryKindAreParsed) {
        {"", "crc", "j1850:1", "e2e_p01", "e2e_p01:", "e2e_p01:70000", "e2e_p01:1:none", "e2e_p01:1:both:2",
         "e2e_p02:00", "e2e_p02:0001020304050607080910111213141X", "e2e_p05:1:both", "e2e_p11:1:alt", "e2e_p11:1:low"})
     EXPECT_FALSE(parse_checksum(text)) << text;
+  // AUTOSAR's E2E library, E2E_P01_DATAID_NIBBLE: "the high nibble of the high byte is not used. This is applicable
+  // for the IDs up to 12 bits."
+  for (const std::string profile : {"e2e_p01", "e2e_p11"}) {
+    EXPECT_TRUE(parse_checksum(profile + ":0xFFF:nibble")) << profile;
+    EXPECT_FALSE(parse_checksum(profile + ":0x1000:nibble")) << profile;
+    EXPECT_TRUE(parse_checksum(profile + ":0xFFFF:both")) << profile;
+  }
 }
 
 }  // namespace
