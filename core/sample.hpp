@@ -117,6 +117,8 @@ struct Solution {
 struct Sample {
   // The time that a product reports with the sample.
   DeviceTime stamp() const noexcept { return time + Nanoseconds{stamp_error_ns}; }
+  // The number of the sample by which a product divides its rate, also where a fault makes it report a wrong counter.
+  std::uint64_t number() const noexcept { return counter - counter_error; }
   // The fix of the unit's receiver.
   const Navigation& fix() const noexcept { return solution ? solution->receiver : navigation; }
   // The time from the instant of the fix to this sample. It is 0 if the receiver makes a fix with each sample: then
@@ -136,7 +138,7 @@ struct Sample {
   std::int64_t fix_gps_ns() const noexcept { return (fix().is_known ? fix() : timed()).gps_ns - fix_age().count(); }
 
   DeviceTime time;                           // the device's own time at the end of the step
-  std::uint64_t counter = 0;                 // the number of the sample: 0 for the first after the start
+  std::uint64_t counter = 0;                 // the number that a product reports: 0 for the first after the start
   Vector3 rate = Vector3::Zero();            // rad/s, at `time`
   Vector3 specific_force = Vector3::Zero();  // m/s^2, at `time`
   Vector3 delta_angle = Vector3::Zero();     // rad, over the step that ends at `time`; 0 in the first sample of a run
@@ -154,7 +156,9 @@ struct Sample {
   Vector3 magnetic_field = Vector3::Zero();  // T; 0 where the place is unknown
   double pressure = 0;                       // Pa; 0 if unknown
   bool has_surroundings = false;             // place, field and pressure were looked for
-  std::optional<Solution> solution;          // nullopt: q_LP and navigation are the truth's, with NavigationErrors
+  // The error of `counter`, modulo 2^64: not 0 only in a sample whose counter a fault has changed.
+  std::uint64_t counter_error = 0;
+  std::optional<Solution> solution;  // nullopt: q_LP and navigation are the truth's, with NavigationErrors
 };
 
 // Copies a whole sample. An assignment has the same result, but copies each number alone, because Eigen's assignment

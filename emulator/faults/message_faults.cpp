@@ -183,6 +183,7 @@ void MessageFaults::take(std::span<const ActiveFault> faults, std::uint64_t k, c
 
 void MessageFaults::forge(Sample& sample) const noexcept {
   sample.counter += counter_ahead_;
+  sample.counter_error = counter_ahead_;
   sample.status = (sample.status & status_kept_) | status_added_;
 }
 

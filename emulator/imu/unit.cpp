@@ -94,6 +94,7 @@ void Unit::take_faulty(Sample& sample, bool discarded) noexcept {
     device_->sample(sample, discarded ? others_ : frames_);
     sample.time = time;
     sample.counter = counter;
+    sample.counter_error = 0;
     sample.status = status;
   }
   faults_->messages().shape(frames_, time);

@@ -127,14 +127,21 @@ void FrameDevice::start(DeviceTime now) noexcept {
   }
 }
 
-// Returns the number of the message that was last due.
-std::int64_t FrameDevice::number_at(const Scheduled& one, DeviceTime now) const noexcept {
+// Returns the number of the message that was last due, or would have been due with `ahead` samples more.
+std::int64_t FrameDevice::number_at(const Scheduled& one, DeviceTime now, std::int64_t ahead) const noexcept {
   if (one.message.period.count() != 0) return (now - *start_ + tolerance) / one.message.period;
   const std::vector<std::uint64_t>& phases = one.message.phases;
-  const auto samples = static_cast<std::uint64_t>(samples_);
-  const auto sent = std::ranges::upper_bound(phases, samples % one.message.divider) - phases.begin();
-  const auto rounds = static_cast<std::int64_t>(samples / one.message.divider);
+  const auto divider = static_cast<std::int64_t>(one.message.divider);
+  const std::int64_t samples = samples_ + ahead, phase = (samples % divider + divider) % divider;
+  const auto sent = std::ranges::upper_bound(phases, static_cast<std::uint64_t>(phase)) - phases.begin();
+  const std::int64_t rounds = (samples - phase) / divider;
   return rounds * static_cast<std::int64_t>(phases.size()) + sent - 1;
+}
+
+// Returns by how many messages the counter of the message is wrong if the counter of the samples is.
+std::int64_t FrameDevice::messages_ahead(const Scheduled& one, const Sample& sample) const noexcept {
+  const auto error = static_cast<std::int64_t>(sample.counter_error);
+  return error == 0 ? 0 : number_at(one, sample.time, error) - number_at(one, sample.time);
 }
 
 void FrameDevice::sample(const Sample& sample, FrameBuffer& out) noexcept {
@@ -143,10 +150,10 @@ void FrameDevice::sample(const Sample& sample, FrameBuffer& out) noexcept {
   if (!start_) {
     start(sample.time);
   } else {
-    const std::uint64_t steps = sample.counter - counter_;
+    const std::uint64_t steps = sample.number() - counter_;
     samples_ += steps == 0 || steps > longest_gap ? 1 : static_cast<std::int64_t>(steps);
   }
-  counter_ = sample.counter;
+  counter_ = sample.number();
   if (keeps_newest_)
     copy(sample, newest_);
   else
@@ -174,7 +181,11 @@ void FrameDevice::send(Scheduled& one, const Sample& sample, FrameBuffer& out) n
   const std::size_t longest = longest_escaped(escape_, layout.longest());
   const std::span<std::byte> room = out.room(longest);
   if (room.size() != longest) return;
-  const MessageLayout::State state{static_cast<std::uint64_t>(one.number + one.skew), frames_++,
+  std::int64_t frames_ahead = 0;
+  if (sample.counter_error != 0)
+    for (const Scheduled& each : scheduled_) frames_ahead += each.is_on ? messages_ahead(each, sample) : 0;
+  const MessageLayout::State state{static_cast<std::uint64_t>(one.number + one.skew + messages_ahead(one, sample)),
+                                   frames_++ + static_cast<std::uint64_t>(frames_ahead),
                                    sample.time - powered_ < starting_.until};
   const auto [size, saturated] = layout.encode(one.increments.reading(sample, figures_), state, one.carried,
                                                is_escaped ? std::span(content_) : room);

@@ -80,7 +80,8 @@ class FrameDevice final : public Device, private FrameHost::Unit {
 
   void start(DeviceTime now) noexcept;
   void publish() noexcept;
-  std::int64_t number_at(const Scheduled& one, DeviceTime now) const noexcept;
+  std::int64_t number_at(const Scheduled& one, DeviceTime now, std::int64_t ahead = 0) const noexcept;
+  std::int64_t messages_ahead(const Scheduled& one, const Sample& sample) const noexcept;
   void send(Scheduled& one, const Sample& sample, FrameBuffer& out) noexcept;
 
   std::vector<Scheduled> scheduled_;
@@ -91,7 +92,7 @@ class FrameDevice final : public Device, private FrameHost::Unit {
   std::vector<std::byte> content_;   // of a frame, before the escapes are added
   DeviceTime powered_ = {};          // power on, or the last reset
   std::optional<DeviceTime> start_;  // time of the first sample since power on
-  std::uint64_t counter_ = 0;        // of the last sample
+  std::uint64_t counter_ = 0;        // Sample::number() of the last sample
   std::int64_t samples_ = 0;         // since the start
   std::uint64_t frames_ = 0;         // sent since the start
   bool keeps_newest_ = false;        // requests need it

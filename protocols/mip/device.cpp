@@ -130,8 +130,8 @@ class MipDevice final : public Device {
     for (const Stream& stream : memory_.active().streams) {
       if (!stream.enabled || stream.count == 0) continue;
       const auto divisor = static_cast<std::uint64_t>(internal_hz) / stream.base_hz;
-      if (sample.counter % divisor != 0) continue;
-      const std::uint64_t tick = sample.counter / divisor;
+      if (sample.number() % divisor != 0) continue;
+      const std::uint64_t tick = sample.number() / divisor;
       std::uint32_t due = 0;  // bit k: field k
       static_assert(std::tuple_size_v<decltype(stream.format)> <= 32);
       for (std::size_t k = 0; k < stream.count; ++k) due |= (tick % stream.format[k].decimation == 0 ? 1U : 0U) << k;

@@ -95,7 +95,7 @@ class Stim300Device final : public Device {
     grid_ = now;
     if (!is_running(now))
       measured_.begin_sums();
-    else if (is_slot(sample.counter))
+    else if (is_slot(sample.number()))
       transmit(now + own_latency, own_latency, out);
     if (requested_ != 0) await_slot(now);
     if (starting_ == 0 && is_external() && mode_ == Mode::normal)
@@ -222,7 +222,7 @@ class Stim300Device final : public Device {
   }
   bool is_external() const noexcept { return memory_.active.sample_rate == external_trigger; }
   std::uint64_t samples_per_slot() const noexcept { return 2000 / sample_rates[memory_.active.sample_rate]; }
-  bool is_slot(std::uint64_t counter) const noexcept { return !is_external() && counter % samples_per_slot() == 0; }
+  bool is_slot(std::uint64_t number) const noexcept { return !is_external() && number % samples_per_slot() == 0; }
 
   // Restarts the unit. `first` is the instant of its first internal sample.
   void reset(DeviceTime first) noexcept {

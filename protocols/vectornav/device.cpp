@@ -44,7 +44,7 @@ class VectorNavDevice final : public Device {
       return;
     }
     compensate(sample);
-    const std::uint64_t k = active_.sync.in == SyncControl::In::imu_sample ? events_++ : sample.counter;
+    const std::uint64_t k = active_.sync.in == SyncControl::In::imu_sample ? events_++ : sample.number();
     const auto is_due = [&](std::uint64_t divisor) {
       if (active_.sync.in == SyncControl::In::async_all) return has_event;
       if (divisor == 0) return active_.sync.in == SyncControl::In::async_rate_0 && has_event;

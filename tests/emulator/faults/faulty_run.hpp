@@ -13,6 +13,7 @@
 #include "emulator/drive/assembly.hpp"
 #include "emulator/engine/closing.hpp"
 #include "emulator/faults/fault_labels.hpp"
+#include "emulator/frames/described_protocols.hpp"
 #include "emulator/ground/host.hpp"
 #include "emulator/plan/config.hpp"
 #include "protocols/protocol.hpp"
@@ -74,7 +75,7 @@ class FaultyRunTest : public RunTest {
         IMUD_TEST_DATA "/captures/jsbsim_c172_10s.pcap", truth);
     for (int i = 1; i <= imus; ++i)
       text += fmt::format("[[imu]]\nname = \"imu{0}\"\nprotocol = \"{1}\"\nport = \"{3}:{0}\"\n{2}\n", i, protocol,
-                          errors, find_protocol(protocol)->link == Link::can ? "canfile" : "file");
+                          errors, resolve_protocol(protocol)->link == Link::can ? "canfile" : "file");
     return text + faults;
   }
 

@@ -1,6 +1,7 @@
 // Faults of messages and of truth: each kind in closed form, through the bytes.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <map>
 #include <set>
 
@@ -141,6 +142,63 @@ TEST_F(MessageFaultsTest, Counters) {
   for (std::size_t k = first_late; k <= last_late; ++k) {
     ASSERT_EQ(stuck.measurements[k].sample.counter, first_late - 1);
     ASSERT_EQ(ahead.measurements[k].sample.counter, k + 100);
+  }
+}
+
+// A product that divides its rate sends the messages that it sends without the fault, also afterwards.
+TEST_F(MessageFaultsTest, CountersDecideNoMessage) {
+  const std::string ranges = "gyro.max_rad_per_s = 10\naccelerometer.max_m_per_s2 = 100\n";
+  struct Product {
+    std::string name, keys;
+    bool is_counted;  // its frames have a counter
+  };
+  const std::vector<Product> products = {
+      {"stim300", "", true},
+      {"mip", "navigation.solution = \"truth\"\n", false},
+      {"vectornav", "navigation.solution = \"truth\"\n", false},
+      {"hg1120", "", true},
+      {"hg4930", "", true},
+      {"kvh1775", "", true},
+      {"dmu", ranges, true},
+      {"epson-burst", "rate_hz = 125\n" + ranges, true},
+      {"applanix-gsof", "rate_hz = 100\n" + ranges, true},
+  };
+  for (const auto& [name, keys, is_counted] : products) {
+    const Result clean = run("", name, 1, keys);
+    ASSERT_GT(clean.frames.size(), 300U) << name;
+    for (const std::string kind : {"counter_stuck", "counter_jump"}) {
+      SCOPED_TRACE(name + " " + kind);
+      // The fault begins between two messages of the products that divide their rate.
+      const Result faulty = run(fmt::format("[[fault]]\ntarget = \"message\"\nkind = \"{}\"\n{}"
+                                            "at_s = 2.0017\nfor_s = 1.0023\n",
+                                            kind, kind == "counter_jump" ? "value = 13\n" : ""),
+                                name, 1, keys);
+      ASSERT_EQ(faulty.frames.size(), clean.frames.size());
+      ASSERT_EQ(faulty.labels.size(), 1U);
+      const DeviceTime first = faulty.labels[0].first.device_time, last = faulty.labels[0].last.device_time;
+      std::size_t changed = 0;
+      for (std::size_t k = 0; k < clean.frames.size(); ++k) {
+        ASSERT_EQ(faulty.frames[k].time, clean.frames[k].time) << k;
+        if (faulty.frames[k].bytes == clean.frames[k].bytes) continue;
+        ++changed;
+        ASSERT_TRUE(faulty.frames[k].time >= first && faulty.frames[k].time <= last) << k;
+      }
+      EXPECT_TRUE(!is_counted || changed > 50) << changed;
+    }
+  }
+}
+
+// 200 messages a second with the counter of the message.
+TEST_F(MessageFaultsTest, CountersOfMessages) {
+  const std::string ranges = "gyro.max_rad_per_s = 10\naccelerometer.max_m_per_s2 = 100\n",
+                    from = "[[fault]]\ntarget = \"message\"\nat_sample = 400\nfor_samples = 200\nkind = ";
+  const Result stuck = run(from + "\"counter_stuck\"\n", "dmu", 1, ranges),
+               ahead = run(from + "\"counter_jump\"\nvalue = 100\n", "dmu", 1, ranges);
+  ASSERT_GE(stuck.measurements.size(), 600U);
+  ASSERT_GE(ahead.measurements.size(), 600U);
+  for (std::size_t k = 0; k < 600; ++k) {
+    ASSERT_EQ(stuck.measurements[k].sample.counter, std::min<std::size_t>(k, 399));
+    ASSERT_EQ(ahead.measurements[k].sample.counter, k < 400 ? k : k + 100);
   }
 }
 
