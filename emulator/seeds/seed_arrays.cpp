@@ -21,10 +21,11 @@ namespace {
 
 constexpr std::size_t hold_at_most = 512;  // rows
 
-// Returns true if the fault can add measurements to the imu's measurements.
+// Returns true if the fault can add measurements to the imu's measurements. A device that restarts may send a
+// message with its first sample, whatever the time since the message before.
 bool adds_rows(const FaultConfig& fault) {
-  return (fault.kind->seam == FaultSeam::wire || fault.kind->name == "repeated" || fault.kind->name == "late" ||
-          fault.kind->name == "other_settings" || fault.kind->name == "settings_lost");
+  return fault.kind->seam == FaultSeam::wire || fault.kind->seam == FaultSeam::power ||
+         fault.kind->name == "repeated" || fault.kind->name == "late" || fault.kind->name == "other_settings";
 }
 
 template <class Row>

@@ -1,6 +1,9 @@
 // Faults that never begin, in replays with many seeds: named as in a single run.
 #include <gtest/gtest.h>
 
+#include <cstdint>
+#include <set>
+
 #include "tests/emulator/run/run_test.hpp"
 #include "tests/support/text.hpp"
 
@@ -64,6 +67,23 @@ TEST_F(SeedFaults, AFaultThatNeverBeginsIsNamed) {
         EXPECT_EQ(seed["faults"][0]["began"], true);
       }
     }
+}
+
+// Each fifth sample of an lpms-ig1 has a message, counted from its start: a seed with more resets has more messages.
+TEST_F(SeedFaults, AnArrayHasRoomForTheMessagesAfterResets) {
+  const std::string text =
+      "clock = \"fast\"\n[truth]\nport = \"file:none.csv\"\nformat = \"csv\"\n[[imu]]\nprotocol = \"lpms-ig1\"\n"
+      "port = \"file:none.bin\"\ngyro.max_rad_per_s = 100\naccelerometer.max_m_per_s2 = 1000\n"
+      "[[fault]]\ntarget = \"power\"\nkind = \"brown_out\"\nper_s = 10\noptional = true\n";
+  const ProgramResult done =
+      run_program("imud", {"replay", write("c.toml", text), path("truth.csv"), "--seeds", "1..24", "--npy",
+                           path("a.npy"), "--summary", path("summary.json")});
+  EXPECT_EQ(done.exit_code, 0) << done.errors;
+  const nlohmann::json each = summary()["seeds"];
+  ASSERT_EQ(each.size(), 24U);
+  std::set<std::uint64_t> numbers;
+  for (const auto& seed : each) numbers.insert(seed["imus"][0]["frames"].get<std::uint64_t>());
+  EXPECT_GT(numbers.size(), 1U);
 }
 
 }  // namespace
