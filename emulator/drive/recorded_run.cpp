@@ -56,7 +56,7 @@ class RecordedRun::Input final : public Port {
 };
 
 RecordedRun::RecordedRun(const PortSpec& spec, const Config& config)
-    : reader_(spec), imus_(config.imus), config_(config) {
+    : reader_(spec), imus_(config.imus), has_frame_faults_(config.control.frame_faults), config_(config) {
   constexpr std::size_t most_early = 10'000;
   while (!first_ && !reader_.at_end() && early_.size() < most_early) {
     const auto packet = reader_.next();

@@ -87,6 +87,7 @@ class RecordedRun {
   std::deque<Early> from_hosts_;  // of hosts, before the events of their reception
   std::uint16_t base_ = 0;        // number of the first interface of the record in the file
   const std::vector<ImuConfig> imus_;
+  const bool has_frame_faults_;                // ControlConfig::frame_faults
   std::multimap<std::string, Input*> inputs_;  // by the name of the interface
   bool is_live_ = true;
   std::int64_t offset_ns_ = 0;  // from host times to packet times

@@ -136,6 +136,8 @@ struct ControlConfig {
   std::string listen;           // ADDRESS:PORT of a loopback interface; empty: none
   std::string token_file;       // its first line is the secret of clients at `listen`
   bool faults = false;          // faults can be begun
+  // No key. If false, begun faults that change frames or their transmission do not act when a record is repeated.
+  bool frame_faults = true;
 };
 
 struct Config {

@@ -93,15 +93,6 @@ class TruthRows {
   bool has_increments_ = false;  // a measurement has carried increments
 };
 
-// Returns true if the fault changes frames that are made, or their transmission. Other faults act before frames are
-// made.
-bool acts_on_frames(const FaultConfig& fault) {
-  constexpr std::string_view kinds[] = {"missing", "repeated", "late", "batched", "out_of_order"};
-  return fault.kind->seam == FaultSeam::wire ||
-         (fault.kind->seam == FaultSeam::message &&
-          std::find(std::begin(kinds), std::end(kinds), fault.kind->name) != std::end(kinds));
-}
-
 // Runs imus with their twins; calls on_truth(imu, measurement), on_measurement(imu, measurement, number), where
 // `number` is taken(imu) at the first frame of the measurement, and, if it is given, awaits_truth(imu).
 template <class OnTruth, class Taken, class OnMeasurement>
@@ -141,6 +132,13 @@ Config without_faults(Config config) {
 
 bool changes_rows(const FaultConfig& fault) { return fault.kind->seam != FaultSeam::sensor; }
 
+bool acts_on_frames(const FaultConfig& fault) {
+  constexpr std::string_view kinds[] = {"missing", "repeated", "late", "batched", "out_of_order"};
+  return fault.kind->seam == FaultSeam::wire ||
+         (fault.kind->seam == FaultSeam::message &&
+          std::find(std::begin(kinds), std::end(kinds), fault.kind->name) != std::end(kinds));
+}
+
 RunTruth truth_of_run(const Config& config, const TwinRun& run,
                       const std::function<bool(std::size_t imu)>& keeps_samples) {
   std::vector<TruthRows> rows(config.imus.size());
@@ -166,6 +164,7 @@ std::vector<std::uint64_t> count_measurements(const Config& config, const TwinRu
 std::vector<std::vector<MadeRow>> made_rows(const Config& config, const TwinRun& run) {
   Config only_made = config;
   only_made.expectations.clear();
+  only_made.control.frame_faults = false;
   for (FaultConfig& fault : only_made.faults)
     if (acts_on_frames(fault)) fault.imus.clear();  // the fault stays, so that the other faults keep their numbers
   std::vector<std::vector<MadeRow>> rows(config.imus.size());

@@ -50,9 +50,11 @@ std::vector<std::string> array_paths(const Config& config, const std::string& pa
   return all;
 }
 
-SeedArrays::SeedArrays(const Config& config, const std::string& path) {
-  const bool is_faulty_truth = std::any_of(config.faults.begin(), config.faults.end(),
-                                           [](const FaultConfig& f) { return f.acts_on(fault_of_truth); });
+SeedArrays::SeedArrays(const Config& config, const std::string& path, std::span<const FaultConfig> begun)
+    : faults_(config.faults) {
+  faults_.insert(faults_.end(), begun.begin(), begun.end());
+  const bool is_faulty_truth =
+      std::any_of(faults_.begin(), faults_.end(), [](const FaultConfig& f) { return f.acts_on(fault_of_truth); });
   const std::vector<std::string> paths = array_paths(config, path);
   for (const ImuConfig& imu : config.imus) {
     Imu& added = imus_.emplace_back();
@@ -61,10 +63,9 @@ SeedArrays::SeedArrays(const Config& config, const std::string& path) {
     added.truth = std::make_unique<ArrayFile>(paths[2 * imus_.size() - 1], truth_columns());
     const OscillatorModel& clock = imu.model.oscillator;
     added.wanders = clock.phase_random_walk > 0 || clock.frequency_random_walk > 0;
-    // A record may have faults that a client began, and that are not in the configuration.
-    added.is_changed = added.wanders && (is_faulty_truth || config.control.faults);
+    added.is_changed = added.wanders && is_faulty_truth;
     added.is_faulty = is_faulty_truth || added.wanders;
-    for (const FaultConfig& fault : config.faults) {
+    for (const FaultConfig& fault : faults_) {
       if (!fault.acts_on(imu.name)) continue;
       added.is_faulty = true;
       added.is_changed = added.is_changed || changes_rows(fault);
@@ -121,7 +122,7 @@ void SeedArrays::make_room(const Config& config, const Seeds& seeds, const Run& 
     if (seeds.count == 1) continue;
     imus_[i].rows = std::max(without, counts[i]);
     constexpr std::uint64_t part = 16;
-    if (imus_[i].wanders || std::any_of(config.faults.begin(), config.faults.end(), [&](const FaultConfig& fault) {
+    if (imus_[i].wanders || std::any_of(faults_.begin(), faults_.end(), [&](const FaultConfig& fault) {
           return fault.acts_on(imus_[i].config.name) && adds_rows(fault);
         }))
       imus_[i].rows += part + imus_[i].rows / part;

@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -30,9 +31,9 @@ class SeedArrays {
   // Returns a row without values.
   static MeasurementRow no_row() noexcept { return MeasurementRow(Measurement{}); }
 
-  // `path`: has `{imu}` for an imu's name if there are several. Throws as array_paths(), and OpenError if a file
-  // cannot be written.
-  SeedArrays(const Config& config, const std::string& path);
+  // `path`: has `{imu}` for an imu's name if there are several. `begun`: the faults that clients began in a record.
+  // Throws as array_paths(), and OpenError if a file cannot be written.
+  SeedArrays(const Config& config, const std::string& path, std::span<const FaultConfig> begun = {});
 
   struct Seeds {
     std::uint64_t first = 1, count = 1;
@@ -97,6 +98,7 @@ class SeedArrays {
   };
   void make_room(const Config& config, const Seeds& seeds, const Run& run);
 
+  std::vector<FaultConfig> faults_;  // of the configuration and of the record
   std::vector<Imu> imus_;
   std::uint64_t seeds_ = 0;
   bool can_be_completed_ = false;

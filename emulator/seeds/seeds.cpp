@@ -16,6 +16,7 @@
 
 #include "core/numbers/number_text.hpp"
 #include "emulator/config/scenario.hpp"
+#include "emulator/drive/begun_faults.hpp"
 #include "emulator/engine/closing.hpp"
 #include "emulator/faults/fault_labels.hpp"
 #include "emulator/ground/exit_code.hpp"
@@ -50,7 +51,8 @@ class Runs {
     if (!options.repeats) config_.control.faults = false;  // nobody controls these runs
     for (const ImuConfig& imu : config.imus) line_loads_.push_back(imu.load.percent);
     if (seeds.npy.empty()) return;
-    arrays_ = std::make_unique<SeedArrays>(config_, seeds.npy);
+    const std::vector<FaultConfig> begun = options.repeats ? begun_faults(config_) : std::vector<FaultConfig>();
+    arrays_ = std::make_unique<SeedArrays>(config_, seeds.npy, begun);
     arrays_->begin(config_, {seeds_.first, seeds_.size(), origin_of(config, options)}, run_for_arrays());
     for (std::uint64_t i = 0; i < seeds_.size(); ++i) done_ += arrays_->is_done(i) ? 1U : 0U;
     if (done_ > 0) spdlog::info("{} of {} runs are in the arrays already; the others follow", done_, seeds_.size());

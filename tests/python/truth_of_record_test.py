@@ -138,6 +138,33 @@ class TruthOfRecord(RunTest):
             self.assertGreater(is_right.sum(), 400)  # of 750, of which some 60 are missing, some before the truth
             self.assertLess((~is_right & ~is_unknown).sum(), 0.05 * is_right.sum(), error)
 
+    def test_a_fault_that_a_client_began_does_not_shift_the_truth(self):
+        """The configuration of the record lacks the fault, which loses, delays or exchanges measurements."""
+        config, record, socket = (self.folder / name for name in ("imu.toml", "run.pcapng", "socket"))
+        config.write_text(CONFIG.format(clock="lockstep", folder=self.folder, keys="") +
+                          f"[control]\nsocket = '{socket}'\nfaults = true\n")
+        for keys in (("target=message", "kind=missing", "each=0.5"), ("target=message", "kind=out_of_order"),
+                     ("target=message", "kind=late", "delay_ms=30"), ("target=power", "kind=off")):
+            with self.subTest(keys[1]):
+                with subprocess.Popen([PROGRAMS / "imud", "run", config, "--record", record], stdout=subprocess.PIPE,
+                                      stderr=subprocess.PIPE, text=True) as imud:
+                    ready = next(line for line in imud.stderr if " ready, truth.port is " in line)
+                    run("imud", "ctl", "--socket", socket, "fault.begin", "imu=b", "at_s=0.2", "for_s=0.3", *keys)
+                    run("imu-truth", "coning", "--frequency-hz", "1", "--half-angle-rad", "0.1", "--to", ready.split()[-1],
+                        "--rate", "100", "--for", "1", "--lockstep", "--fast")
+                    imud.terminate()
+                    imud.communicate()
+                self.assertEqual(imud.returncode, 0)
+                array = self.decode("native", "b", record)
+                self.assertGreater(len(array), 150)  # of 251
+                self.assertLess(abs(array["gyro"] - array["true_gyro"]).max(), 1e-9)
+                run("imud", "replay", record, record, "--seeds", "3..4", "--npy", self.folder / "{imu}.npy", "-q")
+                measured, true = (numpy.load(self.folder / f"b{name}.npy") for name in ("", "_truth"))
+                self.assertEqual(measured.shape, true.shape)
+                known = measured["fields"] != 0
+                self.assertGreater(known.sum(), 300)
+                self.assertLess(abs(measured["gyro"] - true["true_gyro"])[known].max(), 1e-9)
+
     def test_in_real_time_it_is_the_truth_of_the_instant(self):
         # A rate that changes, so that an extrapolated one is wrong.
         self.record("realtime", "--jitter", "15", "--drop", "30", "--frequency-hz", "1", "--half-angle-rad", "0.1",

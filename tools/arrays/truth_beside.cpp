@@ -29,7 +29,7 @@ TruthBeside::TruthBeside(const Options& options, const Protocol& protocol) : opt
   const Config& config = replay.config();
   for (const std::string& warning : config.warnings) fmt::print(stderr, "imu-decode: {}\n", warning);
   const bool varies = std::ranges::any_of(
-      config.faults, [&](const FaultConfig& fault) { return fault.acts_on(name) && changes_rows(fault); });
+      replay.faults(), [&](const FaultConfig& fault) { return fault.acts_on(name) && changes_rows(fault); });
   RunTruth truth = truth_of_run(config, replay.with_twins(), [&](std::size_t i) { return varies && i == imu; });
   RunTruth::OfImu& of_imu = truth.imus[imu];
   if (of_imu.rows.empty())

@@ -9,6 +9,7 @@
 
 #include "emulator/config/scenario.hpp"
 #include "emulator/drive/assembly.hpp"
+#include "emulator/drive/begun_faults.hpp"
 #include "emulator/engine/closing.hpp"
 #include "emulator/faults/fault_labels.hpp"
 #include "emulator/truth/remark_text.hpp"
@@ -40,6 +41,13 @@ Replay::Replay(const std::string& config, std::vector<std::string> overrides, co
   replay_ = load_replay(config, overrides, capture);
   check_begins_by_host(replay_.config, replay_.repeats);
   if (!replay_.repeats) replay_.config.control.faults = false;  // nobody controls these runs
+}
+
+std::vector<FaultConfig> Replay::faults() const {
+  std::vector<FaultConfig> all = replay_.config.faults;
+  if (!replay_.repeats) return all;
+  for (FaultConfig& begun : begun_faults(replay_.config)) all.push_back(std::move(begun));
+  return all;
 }
 
 std::vector<std::string> Replay::run(const Config& config, const Ports& ports,

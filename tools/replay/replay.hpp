@@ -24,6 +24,9 @@ class Replay {
   Replay(const std::string& config, std::vector<std::string> overrides, const std::string& capture);
 
   const Config& config() const noexcept { return replay_.config; }
+  // Returns the faults of the configuration and, if a record is repeated, the faults that clients began in it. Throws
+  // PortError.
+  std::vector<FaultConfig> faults() const;
 
   // Runs `config`, which is config() with other imus, errors, faults or seed; `ports` has the ports of the imus.
   // `awaits_truth`: RecordedRun::Options::awaits_truth. Returns remarks on truth and faults. The capture is decoded
