@@ -146,7 +146,7 @@ void MessageFaults::take(std::span<const ActiveFault> faults, std::uint64_t k, c
         break;
       }
       case MessageFault::out_of_order:
-        is_exchanged_ = is_exchanged_ || (fault.since % 2 == 0 && !fault.is_last);
+        is_exchanged_ = is_exchanged_ || !fault.is_last;
         break;
       case MessageFault::counter_stuck:
         if (fault.since == 0) stuck_counter_ = counter_.value_or(counter);
@@ -212,7 +212,7 @@ void MessageFaults::shape(FrameBuffer& frames, DeviceTime time) noexcept {
   if (is_exchanged_ && exchanged_.frames().empty()) {
     append_all(frames, exchanged_);
     frames.clear();
-  } else {
+  } else if (!is_exchanged_ || !frames.frames().empty()) {  // not each sample has a message
     append_all(exchanged_, frames);
     exchanged_.clear();
   }

@@ -37,7 +37,7 @@ class MessageFaults {
 
   // Changes the frames that the device has made of the sample at `time`: removes, repeats or withholds them.
   void shape(FrameBuffer& frames, DeviceTime time) noexcept;
-  // The frames of a sample that are to leave after the next sample's, which may not come.
+  // The frames of a sample that are to leave after the frames of a later sample, which may not come.
   std::span<const Frame> exchanged() const noexcept { return exchanged_.frames(); }
   // Returns true if frames are withheld.
   bool holds_back() const noexcept { return has_next_; }
@@ -62,7 +62,7 @@ class MessageFaults {
   bool has_next_ = false;
   DeviceTime last_due_;
   FrameBuffer copy_;       // while frames are repeated
-  FrameBuffer exchanged_;  // the frames of a sample that leave after the next sample's
+  FrameBuffer exchanged_;  // the frames of a sample that leave after the next frames of a sample
   std::uint64_t lost_ = 0;
 
   // The changes to the current sample and its frames.

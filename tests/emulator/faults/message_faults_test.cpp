@@ -110,8 +110,32 @@ TEST_F(MessageFaultsTest, MessagesChangePlaces) {
     ASSERT_EQ(other.frames[k].bytes, clean.frames[k % 2 == 0 ? k + 1 : k - 1].bytes) << k;
 }
 
-// Each message leaves once. One fault withholds the even samples from 1000 on, the other one the odd samples from
-// 1251 on; a message that follows a withheld one is not withheld.
+// A sample of these products has no message, or one message: each second sample of a STIM300, each tenth of a MIP
+// unit, each twentieth of a VectorNav unit.
+TEST_F(MessageFaultsTest, MessagesOfDividedRatesChangePlaces) {
+  const std::string faults = "[[fault]]\ntarget = \"message\"\nkind = \"out_of_order\"\nat_s = 2\nfor_s = 1\n";
+  for (const std::string product : {"stim300", "mip", "vectornav"}) {
+    SCOPED_TRACE(product);
+    const std::string keys = product == "stim300" ? "" : "navigation.solution = \"truth\"\n";
+    const Result clean = run("", product, 1, keys), other = run(faults, product, 1, keys);
+    ASSERT_EQ(other.frames.size(), clean.frames.size());
+    ASSERT_EQ(other.labels.size(), 1U);
+    const DeviceTime first = other.labels[0].first.device_time, last = other.labels[0].last.device_time;
+    std::size_t changed = 0;
+    for (std::size_t k = 0; k < clean.frames.size(); ++k) {
+      if (other.frames[k].bytes == clean.frames[k].bytes) continue;
+      ++changed;
+      ASSERT_TRUE(clean.frames[k].time >= first && clean.frames[k].time <= last) << k;
+      const bool is_later = k > 0 && other.frames[k].bytes == clean.frames[k - 1].bytes;
+      const bool is_earlier = k + 1 < clean.frames.size() && other.frames[k].bytes == clean.frames[k + 1].bytes;
+      ASSERT_TRUE(is_later || is_earlier) << k;
+    }
+    EXPECT_GT(changed, 30U);
+  }
+}
+
+// Each message leaves once. Both faults withhold the even samples, one from 1000 and the other one from 1252 on; a
+// message that follows a withheld one is not withheld.
 TEST_F(MessageFaultsTest, TwoFaultsOfTheOrderLoseNoMessage) {
   const std::string out_of_order = "[[fault]]\ntarget = \"message\"\nkind = \"out_of_order\"\n";
   const Result clean = run(""), both = run(out_of_order + "at_sample = 1000\nfor_samples = 500\n" + out_of_order +
