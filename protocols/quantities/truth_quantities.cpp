@@ -213,8 +213,9 @@ std::optional<std::int64_t> date_ns(std::string_view text) noexcept {
     date = given;
   } else {
     const auto day_of_year = take_number(text, 3, "-T ");
-    if (!day_of_year || *day_of_year < 1 || *day_of_year > 366) return {};
-    date = sys_days(std::chrono::year(*year_number) / 1 / 1) + days(*day_of_year - 1);
+    const std::chrono::year year(*year_number);
+    if (!day_of_year || *day_of_year < 1 || *day_of_year > (year.is_leap() ? 366 : 365)) return {};
+    date = sys_days(year / 1 / 1) + days(*day_of_year - 1);
   }
   const auto hour = take_number(text, 2, ":"), minute = take_number(text, 2, ":");
   if (!hour || !minute || *hour > 23 || *minute > 59) return {};

@@ -216,7 +216,7 @@ TEST_F(MappedCsv, DatesAreThoseOfUtc) {
     EXPECT_EQ(truth_.time.ns, 86'400'500'000'000) << date;
   }
   for (const std::string_view date :
-       {"1970-01-02T00:00:00.5+01:00", "02.01.1970 00:00:00", "1970-01-02T00:00:00+00:00Z"})
+       {"1970-01-02T00:00:00.5+01:00", "02.01.1970 00:00:00", "1970-01-02T00:00:00+00:00Z", "1970-366-00:00:00"})
     EXPECT_EQ(remark_on(std::string(date) + ",0,0,0"), "the column 0 (utc) has \"" + std::string(date) +
                                                            "\"; a date is UTC, in the form 2026-01-31T12:00:00.5Z");
 }
