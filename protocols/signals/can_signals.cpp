@@ -312,8 +312,8 @@ std::uint64_t CanSignalCodec::number_of(const Field& field, const Reading& readi
   return to_integer_bits(limited) + static_cast<std::uint64_t>(static_cast<std::int64_t>(field.whole));
 }
 
-unsigned CanSignalCodec::encode(const Reading& reading, std::uint64_t count,
-                                std::span<std::byte> bytes) const noexcept {
+unsigned CanSignalCodec::encode(const Reading& reading, std::uint64_t count, std::span<std::byte> bytes,
+                                std::uint64_t ahead) const noexcept {
   unsigned saturated = 0;
   std::ranges::fill(bytes, std::byte{0});
   for (const Field& field : fields_) {
@@ -328,7 +328,8 @@ unsigned CanSignalCodec::encode(const Reading& reading, std::uint64_t count,
         break;
       case Source::alive_counter: {
         const unsigned values = checksum_.counter_values();
-        number = values != 0 ? count % values : count;
+        number = count + ahead;
+        if (values != 0) number %= values;
         break;
       }
       case Source::multiplexor:

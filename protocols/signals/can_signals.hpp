@@ -75,10 +75,11 @@ class CanSignalCodec {
   // The components that the message carries, as in ReadBack.
   std::uint32_t components() const noexcept;
 
-  // Writes the message number `count`; the number determines alive counter and multiplexors. Requires size()
-  // elements in `bytes`. Returns the number of signals whose saturation changed the value by more than half an
-  // LSB.
-  unsigned encode(const Reading& reading, std::uint64_t count, std::span<std::byte> bytes) const noexcept;
+  // Writes the message number `count`; the number determines alive counter and multiplexors. The alive counter is
+  // `ahead` of the number, modulo 2^64. Requires size() elements in `bytes`. Returns the number of signals whose
+  // saturation changed the value by more than half an LSB.
+  unsigned encode(const Reading& reading, std::uint64_t count, std::span<std::byte> bytes,
+                  std::uint64_t ahead = 0) const noexcept;
 
   // The low bits of the clock or the counter in a decoded message.
   struct LowBits {

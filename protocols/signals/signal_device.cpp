@@ -49,8 +49,8 @@ bool SignalDevice::is_due(Scheduled& one, DeviceTime now, std::uint64_t steps) c
 void SignalDevice::sample(const Sample& sample, FrameBuffer& out) noexcept {
   const bool is_first = !start_;
   if (is_first) start_ = sample.time;
-  const std::uint64_t steps = sample.counter - counter_;
-  counter_ = sample.counter;
+  const std::uint64_t steps = sample.number() - counter_;
+  counter_ = sample.number();
   for (Scheduled& one : scheduled_) {
     if (is_first) {
       one.count = 0;
@@ -66,7 +66,8 @@ void SignalDevice::send(Scheduled& one, const Sample& sample, FrameBuffer& out) 
   const CanSignalCodec& codec = one.message.codec;
   const std::span<std::byte> room = out.room(codec.size());
   if (room.size() != codec.size()) return;
-  saturated_ += codec.encode(one.increments.reading(sample, figures_), one.count, room);
+  const std::uint64_t ahead = one.message.period.count() == 0 ? sample.counter_error : 0;
+  saturated_ += codec.encode(one.increments.reading(sample, figures_), one.count, room, ahead);
   out.push(codec.size(), one.message.can);
   if (one.has_increments) one.increments.begin(sample.time);
 }

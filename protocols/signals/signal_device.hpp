@@ -51,7 +51,7 @@ class SignalDevice final : public Device {
 
   std::vector<Scheduled> scheduled_;
   std::optional<DeviceTime> start_;  // time of the first sample since power on
-  std::uint64_t counter_ = 0;        // of the last sample
+  std::uint64_t counter_ = 0;        // Sample::number() of the last sample
   std::uint64_t saturated_ = 0;      // signals, in all messages
   OwnFigures figures_;
 };

@@ -230,6 +230,41 @@ TEST(SignalDeviceTest, SkippedSamplesLeaveAGapInTheAliveCounter) {
   EXPECT_EQ(every.next(30ms, 2)[0].substr(4, 4), "0400");
 }
 
+// The counter of the samples is 13 ahead after the start, then right, then stuck, then right again. The pages of the
+// multiplexor change in turn meanwhile.
+TEST(SignalDeviceTest, AWrongCounterChangesTheAliveCounterAlone) {
+  constexpr PageRange even[] = {{0, 0}}, odd[] = {{1, 1}};
+  const CanSignal signals[] = {
+      {"C", 0, 8, intel_unsigned, 1, 0, alive_counter_source},
+      {"M", 8, 8, intel_unsigned},
+      {"X", 16, 8, intel_signed, 1, 0, "rate_x_rad_per_s", nullptr, 0, 0, 0, even, "M"},
+      {"Y", 24, 8, intel_signed, 1, 0, "rate_y_rad_per_s", nullptr, 0, 0, 0, odd, "M"},
+  };
+  std::vector<SignalMessage> messages;
+  messages.push_back({{.id = 1}, {}, CanSignalCodec(4, signals)});
+  Sender sender(std::make_unique<SignalDevice>(std::move(messages))), timed(counting(10ms));
+  const auto set_error = [](Sample& sample, std::uint64_t error) {
+    sample.counter += error - sample.counter_error;
+    sample.counter_error = error;
+  };
+  const auto next = [&](std::uint64_t error) {
+    set_error(sender.sample, error);
+    return sender.next(10ms);
+  };
+  set_error(sender.sample, 13);
+  EXPECT_EQ(sender.now(), Lines{"001#0D000000"});
+  EXPECT_EQ(next(13), Lines{"001#0E010000"});
+  EXPECT_EQ(next(0), Lines{"001#02000000"});
+  EXPECT_EQ(next(~std::uint64_t{0}), Lines{"001#02010000"});
+  EXPECT_EQ(next(~std::uint64_t{1}), Lines{"001#02000000"});
+  EXPECT_EQ(next(0), Lines{"001#05010000"});
+  set_error(timed.sample, 13);  // a message with a period counts periods
+  timed.now();
+  EXPECT_EQ(timed.next(10ms)[0].substr(4, 4), "0100");
+  set_error(timed.sample, 0);
+  EXPECT_EQ(timed.next(10ms)[0].substr(4, 4), "0200");
+}
+
 TEST(SignalDeviceTest, PowerOnRestartsPeriodsCountersAndSums) {
   Sender sender(counting(10ms));
   sender.now();
