@@ -90,7 +90,7 @@ IMUD_DISPATCHED void Fields::set_sample(const Sample& sample) noexcept {
 
 void Fields::restart(DeviceTime now) noexcept {
   restarted_ = now;
-  restarted_tick_ = sample_.counter;
+  restarted_tick_ = sample_.number();
   filter_began_.reset();
   last_fix_.reset();
   sample_ = {};
@@ -107,7 +107,8 @@ void Fields::reset_filter() noexcept {
 void Fields::begin(std::uint8_t set, DeviceTime now) noexcept {
   const DeviceTime begun = std::max(sample_.time, now - nanoseconds(1 / internal_hz));
   for (std::size_t i = 0; i < since_.size(); ++i)
-    if (set == 0 || slot_of(set) == i) since_[i] = {.delta_time = begun, .reference = begun, .tick = sample_.counter};
+    if (set == 0 || slot_of(set) == i)
+      since_[i] = {.delta_time = begun, .reference = begun, .tick = sample_.number()};
 }
 
 void Fields::step_clock(Nanoseconds by) noexcept {
@@ -130,7 +131,7 @@ void Fields::sent(std::uint8_t set, std::uint8_t descriptor) noexcept {
       since.delta_velocity.setZero();
       break;
     case 0xD2:
-      since.tick = sample_.counter;
+      since.tick = sample_.number();
       break;
     case 0xD4:
     case 0xD8:
@@ -184,7 +185,7 @@ void Fields::poll(Packet& packet, std::uint8_t set, std::uint8_t descriptor, Dev
   const auto samples = static_cast<std::uint64_t>(internal_hz) / stream->base_hz;
   const DeviceTime before = now - Nanoseconds(std::chrono::seconds(1)) / stream->base_hz;
   put(packet, set, descriptor,
-      {before, before, sample_.counter - samples, event, sample_.delta_angle, sample_.delta_velocity}, now);
+      {before, before, sample_.number() - samples, event, sample_.delta_angle, sample_.delta_velocity}, now);
 }
 
 void Fields::put(Packet& packet, std::uint8_t set, std::uint8_t descriptor, const Since& since,
@@ -216,7 +217,7 @@ void Fields::put_shared(Packet& packet, std::uint8_t descriptor, const Since& si
       packet.put(static_cast<std::uint32_t>(sample_.counter - restarted_tick_));
       break;
     case 0xD2:
-      packet.put(static_cast<std::uint32_t>(sample_.counter - since.tick));
+      packet.put(static_cast<std::uint32_t>(sample_.number() - since.tick));
       break;
     case 0xD3:
       put_gps_time(packet, gps_ns(at));

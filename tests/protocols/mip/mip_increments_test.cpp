@@ -105,6 +105,26 @@ TEST(MipIncrements, APollTakesNothingFromTheStream) {
   expect_milliseconds(first(unit), 10, "stream");
 }
 
+// A fault makes the counter wrong by 100, also while the device is reset.
+TEST(MipIncrements, AWrongCounterIsInTheTicksAlone) {
+  Unit unit;
+  set_format(unit, {ticks, delta_ticks}, 1);
+  EXPECT_EQ(unit.code(command(0x0C, 0x08, {3})), 0);
+  unit.run(10);
+  const auto expect_next = [&](std::uint32_t tick) {
+    const Bytes packet = first(unit);
+    EXPECT_EQ(number_at<std::uint32_t>(field(packet, ticks), 0), tick);
+    EXPECT_EQ(number_at<std::uint32_t>(field(packet, delta_ticks), 0), 1U);
+  };
+  expect_next(10);
+  unit.sample.counter_error = 100;
+  expect_next(111);
+  EXPECT_EQ(unit.code(command(0x01, 0x7E)), 0);
+  expect_next(101);
+  unit.sample.counter_error = 0;
+  expect_next(2);
+}
+
 // data_shared.h, reference timestamp: "Nanoseconds since initialization"; ticks: "since powerup".
 TEST(MipIncrements, ReferenceTimeBeginsWithTheDevice) {
   Unit unit;

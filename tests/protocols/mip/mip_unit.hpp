@@ -60,7 +60,7 @@ class Unit {
     for (int k = 0; k < samples; ++k) {
       if (has_sampled_) append(all, wait(1ms));
       has_sampled_ = true;
-      sample.counter = static_cast<std::uint64_t>(count_++);
+      sample.counter = static_cast<std::uint64_t>(count_++) + sample.counter_error;
       sample.time = now;
       frames_->clear();
       device->sample(sample, *frames_);
