@@ -242,7 +242,13 @@ for number, name in numbers_of("core/numbers/random.hpp", "Process", 25).items()
         faults.append(f"core/numbers/random.hpp: {name} has the number {number} of an octave of flicker")
 
 # The dissector of records has its own lists. Lua numbers the elements that have no number of their own from 1.
-commands = re.search(r"local commands = \{(.*?)\}", (root / "tools/wireshark/imud.lua").read_text(), re.DOTALL)[1]
+dissector = (root / "tools/wireshark/imud.lua").read_text()
+shown = re.findall(r'"([^"]+)"', re.search(r"local outcomes = \{(.*?)\}", dissector)[1])
+intake = re.sub(r"//.*", "", (root / "emulator/truth/truth_intake.hpp").read_text())
+outcomes = re.findall(r"\w+", re.search(r"enum class Outcome[^{]*\{(.*?)\}", intake, re.DOTALL)[1])
+if [outcome.replace(" ", "_") for outcome in shown] != outcomes or len(outcomes) < 6:
+    faults.append(f"tools/wireshark/imud.lua: the outcomes of a truth are {shown}, in truth_intake.hpp {outcomes}")
+commands = re.search(r"local commands = \{(.*?)\}", dissector, re.DOTALL)[1]
 elements = re.findall(r'(?:\[(\d+)\] = )?"(\w+)"', commands)
 shown = dict(enumerate((name for number, name in elements if not number), 1)) | {int(number): name for number, name in elements if number}
 kinds = numbers_of("emulator/imu/command.hpp", "Kind", 19)

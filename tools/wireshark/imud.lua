@@ -29,7 +29,7 @@ local event_names = {
   "advance", "sample", "transmit", "receive", "lost", "end", "command", "mark"
 }
 local bases = {[0] = "interpolated", "extrapolated", "held", [4] = "at rest"}
-local outcomes = {[0] = "nothing", "ignored", "accepted", "inserted", "new run"}
+local outcomes = {[0] = "nothing", "ignored", "accepted", "inserted", "new run", "withheld"}
 local commands = {
   [0] = "mark", "power_off", "power_on", "power_cycle", "pause", "resume", "seed", "gyro_bias", "accelerometer_bias",
   "delay", "automatic_delay", "extrapolate", "when_stopped", "log_level", "fault_begin", "fault_end", "fault_clear",
