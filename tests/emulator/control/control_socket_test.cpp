@@ -122,7 +122,7 @@ TEST_F(ControlSocket, WaitsForRoomWithTooManyOpenFiles) {
   ASSERT_EQ(::prlimit(imud.pid(), RLIMIT_NOFILE, &none, nullptr), 0);
   ControlClient client(path("socket"));
   ASSERT_TRUE(imud.wait_for_errors("a connection cannot be accepted: Too many open files"));
-  // Of the thread of the clients.
+  // Returns the processor time of the thread of the clients.
   const auto used = [&] { return processor_time_s(fmt::format("/proc/{0}/task/{0}/stat", imud.pid())); };
   const double begin_s = used();
   std::this_thread::sleep_for(std::chrono::seconds(1));
