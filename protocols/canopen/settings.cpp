@@ -221,8 +221,10 @@ std::string bus_name(const Settings& settings) {
 }
 
 std::string_view waits_for_host(const Settings& settings) {
-  if (node_id_of(settings) == unconfigured) return "node_id = 10";
-  return settings.flag("self_start") ? "" : "self_start = true";
+  const bool starts = settings.flag("self_start");
+  if (node_id_of(settings) == unconfigured)
+    return starts ? "node_id = 10" : "node_id = 10 and device.self_start = true";
+  return starts ? "" : "self_start = true";
 }
 
 }  // namespace imud::canopen

@@ -123,9 +123,12 @@ TEST_F(CanConfig, AUnitThatWaitsForAHostIsSilentAtAFile) {
   struct Waits {
     std::string keys, setting;
   };
-  const Waits units[] = {{"protocol = \"canopen\"\n" + limits, "self_start = true"},
-                         {"protocol = \"dronecan\"\ndevice.node_id = 0\n", "node_id = 42"},
-                         {"protocol = \"nos3-imu\"\n", "with_requests = true"}};
+  const Waits units[] = {
+      {"protocol = \"canopen\"\n" + limits, "self_start = true"},
+      {"protocol = \"dronecan\"\ndevice.node_id = 0\n", "node_id = 42"},
+      {"protocol = \"nos3-imu\"\n", "with_requests = true"},
+      {"protocol = \"canopen\"\ndevice.node_id = 255\n" + limits, "node_id = 10 and device.self_start = true"},
+      {"protocol = \"canopen\"\ndevice.node_id = 255\ndevice.self_start = true\n" + limits, "node_id = 10"}};
   for (const Waits& unit : units) {
     const auto warnings = warnings_of(unit.keys + log);
     ASSERT_EQ(warnings.size(), 1U) << unit.keys;
