@@ -26,6 +26,11 @@ bool is_plain(QuantityKind kind) noexcept { return kind != QuantityKind::time &&
 
 }  // namespace
 
+std::string_view without_order_mark(std::string_view text) noexcept {
+  constexpr std::string_view mark = "\xEF\xBB\xBF";
+  return text.substr(text.starts_with(mark) ? mark.size() : 0);
+}
+
 std::string_view trim(std::string_view text) noexcept {
   constexpr auto blank = [](char c) { return c == ' ' || c == '\t' || c == '\r' || c == '\n'; };
   while (!text.empty() && blank(text.front())) text.remove_prefix(1);
@@ -215,8 +220,7 @@ bool ColumnTruthDecoder::read_plain(std::string_view row) noexcept {
 }
 
 TruthResult ColumnTruthDecoder::decode(std::string_view line, Truth& truth) noexcept {
-  if (line.starts_with("\xEF\xBB\xBF")) line.remove_prefix(3);
-  row_ = without_blanks(line);  // a tab may be the delimiter of an empty field
+  row_ = without_blanks(without_order_mark(line));  // a tab may be the delimiter of an empty field
   kind_ = Kind::remark;
   if (row_.empty() || (row_.front() == '\t' && trim(row_).empty())) return TruthResult::no_state;
   header_ = row_;

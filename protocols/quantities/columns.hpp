@@ -14,6 +14,8 @@
 
 namespace imud {
 
+// Returns `text` without the byte order mark (UTF-8) that some programs write before the first line.
+std::string_view without_order_mark(std::string_view text) noexcept;
 // Returns `text` without leading and trailing blanks, tabs, CR and LF.
 std::string_view trim(std::string_view text) noexcept;
 // Returns `line` without leading and trailing blanks, CR and LF; tabs stay.

@@ -12,12 +12,6 @@ using Outcome = JsonFields::Outcome;
 
 std::string_view first_line(std::string_view text) noexcept { return text.substr(0, text.find('\n')); }
 
-// Some programs write a byte order mark, which a parser may ignore (RFC 8259, 8.1).
-std::string_view without_order_mark(std::string_view text) noexcept {
-  constexpr std::string_view mark = "\xEF\xBB\xBF";
-  return text.substr(text.starts_with(mark) ? mark.size() : 0);
-}
-
 // Writes which quantity, with a unit, a name that is none probably means.
 void describe_unknown(std::string_view name, RemarkWriter& out) noexcept {
   std::array<char, 64> room;
@@ -50,6 +44,7 @@ std::optional<TruthResult> JsonTruthDecoder::next(Truth& truth) noexcept {
   return result;
 }
 
+// A parser may ignore a byte order mark (RFC 8259, 8.1).
 TruthResult JsonTruthDecoder::decode(std::string_view line, Truth& truth) noexcept {
   std::size_t end = 0;
   return decode(without_order_mark(line), truth, end);

@@ -136,15 +136,13 @@ TruthResult MappedColumns::read(std::string_view row) noexcept {
 }
 
 bool MappedColumns::is_header(std::string_view line) const noexcept {
-  if (line.starts_with("\xEF\xBB\xBF")) line.remove_prefix(3);
-  const std::string_view row = without_blanks(line);
+  const std::string_view row = without_blanks(without_order_mark(line));
   const bool is_remark = row.starts_with('#');
   return names_columns(is_remark ? without_blanks(row.substr(1)) : row, is_remark);
 }
 
 TruthResult MappedColumns::decode(std::string_view line, Truth& truth) noexcept {
-  if (line.starts_with("\xEF\xBB\xBF")) line.remove_prefix(3);
-  row_ = without_blanks(line);
+  row_ = without_blanks(without_order_mark(line));
   bad_field_ = {};
   kind_ = Kind::remark;
   if (row_.empty() || (row_.front() == '\t' && trim(row_).empty())) return TruthResult::no_state;

@@ -162,8 +162,7 @@ class CsvTruthDecoder final : public LineTruthDecoder {
     return size + out.size();
   }
   TruthResult decode(std::string_view line, Truth& truth) noexcept override {
-    std::string_view row = line;
-    if (row.starts_with("\xEF\xBB\xBF")) row.remove_prefix(3);
+    const std::string_view row = without_order_mark(line);
     // A remark that names some quantities is no header row.
     const auto is_remark = [row] { return trim(row).starts_with('#'); };
     if (has_quantities(row))
