@@ -59,6 +59,14 @@ std::size_t meant_quantity(std::string_view name, std::span<char> room) noexcept
   return 0;
 }
 
+void describe_no_quantity(std::string_view name, RemarkWriter& out) noexcept {
+  std::array<char, 64> room;
+  const std::string_view meant(room.data(), meant_quantity(name, room));
+  if (meant.empty()) return;
+  (out << "; ").quote(name, 64);
+  (out << " is no quantity (did you mean ").quote(meant) << "?)";
+}
+
 namespace {
 
 // Writes a blank and the unit in a quantity's name, "ft/s^2" for "specific_force_x_ft_per_s2". Writes nothing if the

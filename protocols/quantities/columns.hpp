@@ -43,6 +43,8 @@ bool is_near(std::string_view given, std::string_view wanted) noexcept;
 // Writes to `room` the quantity, with its unit, that `name`, which is none, probably means. Returns the size of the
 // text; 0 if there is none.
 std::size_t meant_quantity(std::string_view name, std::span<char> room) noexcept;
+// Writes to a remark that `name` is no quantity, and which one it probably means. Writes nothing if it means none.
+void describe_no_quantity(std::string_view name, RemarkWriter& out) noexcept;
 
 // Finds columns by name. The constructor takes the wanted names; set() takes the names of all columns in their order,
 // from a header row or a list. Allocates nothing. One thread.

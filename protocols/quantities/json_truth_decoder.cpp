@@ -12,15 +12,6 @@ using Outcome = JsonFields::Outcome;
 
 std::string_view first_line(std::string_view text) noexcept { return text.substr(0, text.find('\n')); }
 
-// Writes which quantity, with a unit, a name that is none probably means.
-void describe_unknown(std::string_view name, RemarkWriter& out) noexcept {
-  std::array<char, 64> room;
-  const std::string_view meant(room.data(), meant_quantity(name, room));
-  if (meant.empty()) return;
-  (out << "; ").quote(name, 64);
-  (out << " is no quantity (did you mean ").quote(meant) << "?)";
-}
-
 }  // namespace
 
 JsonTruthDecoder::JsonTruthDecoder(TruthMap map, const QuantitySet& required, const TruthAssembly::Axes& axes,
@@ -138,7 +129,7 @@ void JsonTruthDecoder::describe_missing(RemarkWriter& out) const noexcept {
 // Without a map the names are names of quantities.
 void JsonTruthDecoder::describe_unknown_names(RemarkWriter& out) const noexcept {
   if (!fields_.map().empty()) return;
-  for (const std::string_view name : fields_.unknown()) describe_unknown(name, out);
+  for (const std::string_view name : fields_.unknown()) describe_no_quantity(name, out);
 }
 
 void JsonTruthDecoder::finish() noexcept {

@@ -209,11 +209,7 @@ void MappedColumns::describe_unknown(RemarkWriter& out) const noexcept {
     const std::string_view field = unquoted(take(rest, delimiter_));
     if (columns_[i].is_used) continue;
     ++unused;
-    std::array<char, 64> room;
-    const std::string_view meant(room.data(), meant_quantity(field, room));
-    if (meant.empty()) continue;
-    (out << "; ").quote(field, 64);
-    (out << " is no quantity (did you mean ").quote(meant) << "?)";
+    describe_no_quantity(field, out);
   }
 }
 
