@@ -1,9 +1,7 @@
 // ExpectConfig: an [[expect]] as it is configured.
 #pragma once
 
-#include <cstddef>
 #include <cstdint>
-#include <optional>
 #include <string>
 
 #include "emulator/plan/host_bytes.hpp"
