@@ -235,7 +235,7 @@ struct Protocol {
   // has none. nullptr: no unit has one. Throws as make does.
   std::string (*bus_name)(const Settings& settings) = nullptr;
   // If a unit with these settings sends no measurements before a host's message, returns the setting with which it
-  // sends them, as "KEY = VALUE". Empty: the unit sends them. nullptr: every unit does. Throws as make does.
+  // sends them, as "KEY = VALUE". Empty: the unit sends them. nullptr: it is not known. Throws as make does.
   std::string_view (*waits_for_host)(const Settings& settings) = nullptr;
 
   // nullptr: this is no product, and its configuration must be complete. Throws as make does.
