@@ -113,9 +113,11 @@ void check_rates(const Settings& settings, double rate_hz) {
   for (const FrameDescription::Message& message : description.messages) {
     const double highest = highest_rate_hz(description, message);
     if (highest <= rate_hz * (1 + 1e-6) || std::isinf(highest)) continue;
-    char text[160];
-    std::snprintf(text, sizeof text, "rate_hz %s %g, but with rate_hz = %g of the imu there are no more samples",
-                  message.rate_setting.empty() ? "is" : "is a setting that a host may set to", highest, rate_hz);
+    const bool is_fixed = message.rate_setting.empty();
+    char text[240];
+    std::snprintf(text, sizeof text, "rate_hz %s %g, but with rate_hz = %g of the imu there are no more samples%s",
+                  is_fixed ? "is" : "is a setting that a host may set to", highest, rate_hz,
+                  is_fixed ? "" : "; with the value inf, each sample, the setting may have higher rates");
     throw std::invalid_argument("frame_file: " + description.file + ": line " + std::to_string(message.line) +
                                 ": message \"" + message.name + "\": " + text);
   }
