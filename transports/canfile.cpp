@@ -146,8 +146,8 @@ class LogPort final : public Port {
       describe(FMT_STRING("{} of {} lines are no frames, first line {}; {}"), malformed_, line_number_,
                first_malformed_, right);
     else if (counters_.received == 0 && interface_)
-      describe(FMT_STRING("none of its {} lines is a frame of {}; give an interface of the log; {}"), line_number_,
-               *interface_, right);
+      describe(FMT_STRING("none of its {} lines is a frame of {}; give an interface of the log, or another file: {}"),
+               line_number_, *interface_, right);
     else if (counters_.received == 0)
       describe(FMT_STRING("none of its {} lines is a frame; {}"), line_number_, right);
   }

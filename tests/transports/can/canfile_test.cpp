@@ -176,8 +176,8 @@ TEST(CanFile, DamageIsReportedAtTheEnd) {
   EXPECT_EQ(warning("  can0  123   [1]  11\n", 0),
             "none of its 1 lines is a frame; right would be the text of candump -L, or Vector ASC");
   EXPECT_EQ(warning("(1.0) can0 123#11\n(2.0) can0 124#\n", 0, "?interface=can1"),
-            "none of its 2 lines is a frame of can1; give an interface of the log; right would be the text of "
-            "candump -L, or Vector ASC");
+            "none of its 2 lines is a frame of can1; give an interface of the log, or another file: right would "
+            "be the text of candump -L, or Vector ASC");
   EXPECT_EQ(warning("(1.0) can0 123#11\n(2.0) can1 124#\n", 1, "?interface=can1"), "");
   EXPECT_NE(warning(std::string(300'000, 'x') + "\n(1.0) can0 123#\n", 1), "none") << "a line of any length";
   EXPECT_NE(warning("", 0), "");
