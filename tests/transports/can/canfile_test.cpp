@@ -1,4 +1,5 @@
 // CAN frames in a log: what one port writes another reads, and so do the programs of can-utils.
+#include <fcntl.h>
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <unistd.h>
