@@ -58,8 +58,8 @@ class PackedTruth {
     const std::size_t time = quantity_group(TruthGroup::time).first;
     if (!has_time && set[time])
       throw std::invalid_argument(
-          "the time is given twice, by a field and by time = \"arrival\"; leave that out, or give padding, such as "
-          "_:8, in place of the field");
+          "the time is given twice, by a field and by time = \"arrival\"; omit the key time, or give padding, "
+          "such as _:8, in place of the field");
     if (!has_time) set.set(time);
     return set;
   }

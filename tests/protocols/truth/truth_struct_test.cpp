@@ -283,9 +283,10 @@ TEST_F(StructTruth, SaysWhatIsWrongWithItsSettings) {
       struct_fault({{"time", "arrival"}, {"fields", "unix_time_s:f64,p_rad_per_s:i8,q_rad_per_s:i8,r_rad_per_s:i8"}})
           .find("the time is given twice"),
       std::string::npos);
-  EXPECT_EQ(struct_fault({{"time", "arrival"}}),
-            "fields: the time is given twice, by a field and by time = \"arrival\"; leave that out, or give padding, "
-            "such as _:8, in place of the field");
+  EXPECT_EQ(
+      struct_fault({{"time", "arrival"}}),
+      "fields: the time is given twice, by a field and by time = \"arrival\"; omit the key time, or give padding, "
+      "such as _:8, in place of the field");
   EXPECT_EQ(struct_fault({{"time", "arrival"}, {"fields", "_:8,p_rad_per_s:i8,q_rad_per_s:i8,r_rad_per_s:i8"}}), "");
   for (const char* magic : {"1", "xy", "1acffc1", "0x1a"})
     EXPECT_NE(struct_fault({{"magic", magic}}).find("magic: must be at most 32 bytes"), std::string::npos) << magic;
