@@ -105,8 +105,8 @@ class FaultSchedule {
     double begin_s = 0, end_s = 0;  // of the occurrence, s after `from`
     Nanoseconds end{0};             // the same end as a time
     std::uint64_t first = 0;        // its first sample
-    std::uint64_t earlier = 0;      // its samples at earlier rates, without the first one
-    double earlier_s = 0;           // their periods
+    std::uint64_t earlier = 0;      // active.since at the last change of the rate
+    double earlier_s = 0;           // active.since_s at that change
     ActiveFault active = {};
     std::optional<Effect> effect = {};  // of the last occurrence, as long as it is judged
   };

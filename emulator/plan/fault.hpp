@@ -108,7 +108,7 @@ struct ActiveFault {
   std::array<double, FaultKind::max_parameters> parameters = {};
   double weight = 1;             // from 0 to 1: below 1 during the ramps
   std::uint64_t since = 0;       // samples since the occurrence began; 0 in its first sample
-  double since_s = 0;            // their nominal periods in s, at the rates of their time
+  double since_s = 0;            // the sum of the nominal periods of these samples, which a reload may change; s
   std::uint64_t occurrence = 0;  // number of the occurrence of a repeated fault, from 0
   bool is_last = false;          // the sample is the occurrence's last, as far as the configured times show
 };
