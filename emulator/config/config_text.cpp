@@ -51,7 +51,7 @@ std::string read_file(const std::string& path) {
   if (path == "-") return {std::istreambuf_iterator<char>(std::cin), {}};
   if (is_data(path))
     throw std::invalid_argument(
-        "this is no text, but data such as a capture; give the configuration first: imud replay imu.toml "
+        "this is no text in UTF-8, but data such as a capture; give the configuration first: imud replay imu.toml "
         "flight.pcap");
   return read_whole(path);
 }
