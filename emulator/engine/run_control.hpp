@@ -52,7 +52,7 @@ class RunEvents {
   Counter& lost_;
 };
 
-// Must outlive the Engine that uses it. The constructor allocates all memory.
+// Must outlive the Engine that uses it. The constructor allocates all memory, except for the samples of the feed.
 struct RunControl {
   explicit RunControl(std::size_t imus)
       : applied(results), events(counters.events_overrun), feed(imus, counters.samples_overrun) {}

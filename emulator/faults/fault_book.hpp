@@ -23,9 +23,8 @@ class FaultBook {
 
   // `can_grow`: faults may be added. `imus`: the number of imus.
   FaultBook(const std::vector<FaultConfig>& configured, bool can_grow, std::size_t imus)
-      : log_(configured.empty() && !can_grow ? 0 : FaultLog::default_size,
-             configured.size() + (can_grow ? most_added : 0), imus),
-        can_grow_(can_grow) {
+      : log_(FaultLog::default_size, configured.size() + (can_grow ? most_added : 0), imus), can_grow_(can_grow) {
+    if (!configured.empty()) log_.reserve();
     faults_.reserve(configured.size() + (can_grow ? most_added : 0));
     faults_.insert(faults_.end(), configured.begin(), configured.end());
     texts_.reserve(can_grow ? most_added : 0);
@@ -55,6 +54,7 @@ class FaultBook {
   // Returns the number of the fault. `text`: the input of read_fault(), for the record. Must not be called if the
   // book is full.
   std::uint32_t add(FaultConfig fault, std::string text) {
+    log_.reserve();
     faults_.push_back(std::move(fault));
     texts_.push_back(std::move(text));
     size_.store(faults_.size(), std::memory_order_release);

@@ -62,12 +62,14 @@ class FaultLog {
     std::uint64_t acted = 0, passed_over = 0;
   };
 
-  // Reserves the memory for all events, of which only written events take pages. Lost occurrences are counted for the
-  // numbers of faults below `faults` on truth and on the numbers of imus below `imus`.
+  // The room is for `size` events. Lost occurrences are counted for the numbers of faults below `faults` on truth and
+  // on the numbers of imus below `imus`.
   explicit FaultLog(std::size_t size = default_size, std::size_t faults = 0, std::size_t imus = 0)
-      : capacity_(size), imus_(imus), lost_occurrences_(faults * (imus + 1)) {
-    events_.reserve(size);
-  }
+      : capacity_(size), imus_(imus), lost_occurrences_(faults * (imus + 1)) {}
+
+  // Reserves the memory for all events, 7 MB by default. Must be called before a fault can act: then add() does not
+  // allocate.
+  void reserve() { events_.reserve(capacity_); }
 
   // Returns false if there is no room, so that the event is lost. The begin of an occurrence keeps room for its end,
   // which must be added if and only if the begin is in the list.

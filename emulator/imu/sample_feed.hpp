@@ -52,31 +52,35 @@ struct FeedSample {
   std::optional<FeedSolution> solution;            // has attitude and place; nullopt: these are the truth's
 };
 
-// Filled only while somebody watches, and only with each n-th sample of an imu. The constructor allocates; neither
+// Filled only while somebody watches, and only with each n-th sample of an imu. The first watch() allocates; neither
 // thread waits or locks. A sample for which there is no room is counted.
 class SampleFeed {
  public:
   static constexpr std::size_t capacity = 16384;  // 2 s of 8 imus at 1 kHz
 
   // `lost` must outlive this.
-  SampleFeed(std::size_t imus, Counter& lost) : samples_(capacity), every_(imus), lost_(lost) {}
+  SampleFeed(std::size_t imus, Counter& lost) : every_(imus), lost_(lost) {}
 
   // Main thread: the feed gets samples of the imu whose numbers are multiples of `every`; 0: none.
-  void watch(std::size_t imu, std::uint32_t every) noexcept { every_[imu].store(every, std::memory_order_relaxed); }
-  bool pop(FeedSample& sample) noexcept { return samples_.pop(sample); }
+  void watch(std::size_t imu, std::uint32_t every) {
+    if (every != 0 && !samples_) samples_.emplace(capacity);
+    every_[imu].store(every, std::memory_order_release);
+  }
+  bool pop(FeedSample& sample) noexcept { return samples_ && samples_->pop(sample); }
 
   // Sampling thread.
   bool wants(std::size_t imu, std::uint64_t k) const noexcept {
-    const std::uint32_t every = every_[imu].load(std::memory_order_relaxed);
+    const std::uint32_t every = every_[imu].load(std::memory_order_acquire);
     return every != 0 && k % every == 0;
   }
+  // wants() must have returned true for a sample.
   void push(const FeedSample& sample) noexcept {
-    if (!samples_.push(sample)) lost_.count();
+    if (!samples_->push(sample)) lost_.count();
   }
 
  private:
-  boost::lockfree::spsc_queue<FeedSample> samples_;
-  std::deque<std::atomic<std::uint32_t>> every_;  // by imu
+  std::optional<boost::lockfree::spsc_queue<FeedSample>> samples_;  // 5.6 MB; nullopt: nobody has watched
+  std::deque<std::atomic<std::uint32_t>> every_;                    // by imu
   Counter& lost_;
 };
 
