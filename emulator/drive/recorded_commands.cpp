@@ -5,7 +5,6 @@
 
 #include "emulator/config/scenario.hpp"
 #include "emulator/drive/recorded_run.hpp"
-#include "emulator/record/twin_rows.hpp"
 
 namespace imud {
 
@@ -29,7 +28,7 @@ void RecordedRun::begin_fault(const RecordEvent& event, std::span<const std::byt
     std::string keys(reinterpret_cast<const char*>(text.data()), text.size());
     std::vector<std::string> wrong;
     FaultConfig fault = read_begun_fault(keys, number, imus_, wrong);
-    if (wrong.empty() && !has_frame_faults_ && acts_on_frames(fault)) fault.imus.clear();
+    if (wrong.empty() && !has_frame_faults_ && fault.kind->acts_on_frames) fault.imus.clear();
     if (wrong.empty()) faults.add(std::move(fault), std::move(keys));
   }
   if (number < faults.configured().size() || number >= faults.all().size()) return;

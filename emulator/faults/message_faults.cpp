@@ -24,6 +24,7 @@ constexpr FaultParameter clock_ahead[] = {{.key = "value_s", .meaning = "by whic
 constexpr FaultParameter clock_fast[] = {
     {.key = "value_ppm", .meaning = "by which the clock runs fast", .min = -1e5, .max = 1e5}};
 
+// The kinds up to out_of_order act on frames that are made.
 enum class MessageFault : std::uint8_t {
   missing,
   repeated,
@@ -52,6 +53,7 @@ constexpr FaultKind message_kind(MessageFault code, std::string_view name, std::
           .parameters = parameters,
           .is_ramped = code == MessageFault::late,
           .stays = stays,
+          .acts_on_frames = code <= MessageFault::out_of_order,
           .has_settings = code == MessageFault::other_settings,
           .needs_self_test = code == MessageFault::self_test_failed};
 }

@@ -60,7 +60,8 @@ constexpr FaultKind kind(WireFault code, std::string_view name, std::string_view
           .targets = wire,
           .parameters = parameters,
           .is_ramped = is_ramped,
-          .stays = stays};
+          .stays = stays,
+          .acts_on_frames = true};
 }
 
 constexpr std::array kinds = {

@@ -74,6 +74,7 @@ struct FaultKind {
   // The state that stays after the end, and how long: "the counter stays ahead to the end of the run". Empty: bytes
   // after the end equal a run without the fault.
   std::string_view stays = {};
+  bool acts_on_frames = false;   // changes frames that are made, or their transmission; false: acts before
   bool in_lockstep = true;       // false: the simulator would wait for ever
   bool has_settings = false;     // the fault has a product's settings: FaultConfig::settings
   bool needs_self_test = false;  // the product must have a self test

@@ -4,7 +4,6 @@
 #include <array>
 #include <deque>
 #include <limits>
-#include <string_view>
 #include <utility>
 
 #include "core/sample.hpp"
@@ -132,13 +131,6 @@ Config without_faults(Config config) {
 
 bool changes_rows(const FaultConfig& fault) { return fault.kind->seam != FaultSeam::sensor; }
 
-bool acts_on_frames(const FaultConfig& fault) {
-  constexpr std::string_view kinds[] = {"missing", "repeated", "late", "batched", "out_of_order"};
-  return fault.kind->seam == FaultSeam::wire ||
-         (fault.kind->seam == FaultSeam::message &&
-          std::find(std::begin(kinds), std::end(kinds), fault.kind->name) != std::end(kinds));
-}
-
 RunTruth truth_of_run(const Config& config, const TwinRun& run,
                       const std::function<bool(std::size_t imu)>& keeps_samples) {
   std::vector<TruthRows> rows(config.imus.size());
@@ -166,7 +158,8 @@ std::vector<std::vector<MadeRow>> made_rows(const Config& config, const TwinRun&
   only_made.expectations.clear();
   only_made.control.frame_faults = false;
   for (FaultConfig& fault : only_made.faults)
-    if (acts_on_frames(fault)) fault.imus.clear();  // the fault stays, so that the other faults keep their numbers
+    if (fault.kind->acts_on_frames)
+      fault.imus.clear();  // the fault stays, so that the other faults keep their numbers
   std::vector<std::vector<MadeRow>> rows(config.imus.size());
   std::vector<std::int64_t> samples(config.imus.size());
   run_with_twins(

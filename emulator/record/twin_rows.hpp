@@ -42,8 +42,5 @@ std::vector<std::vector<MadeRow>> made_rows(const Config& config, const TwinRun&
 
 // Returns true if the fault can change which measurements of an imu arrive, or when. Faults of sensors cannot.
 bool changes_rows(const FaultConfig& fault);
-// Returns true if the fault changes frames that are made, or their transmission. Other faults act before frames are
-// made.
-bool acts_on_frames(const FaultConfig& fault);
 
 }  // namespace imud
