@@ -332,9 +332,8 @@ void RecordedRun::process_truth(const RecordEvent& event) noexcept {
     if (outcome == Outcome::nothing) ++i;
   }
   take_awaited(false);
-  const bool has_time = outcome != Outcome::ignored && outcome != Outcome::nothing && outcome != Outcome::withheld;
-  if (static_cast<std::uint8_t>(outcome) != event.flags || (has_time && intake.truth().time.ns != event.a))
-    ++differing_;
+  const bool is_same_time = !TruthIntake::is_taken(outcome) || intake.truth().time.ns == event.a;
+  if (static_cast<std::uint8_t>(outcome) != event.flags || !is_same_time) ++differing_;
 }
 
 std::string RecordedRun::difference() const {

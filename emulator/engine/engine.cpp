@@ -196,8 +196,7 @@ void Engine::keep(RecordEvent event, std::uint16_t imu) noexcept {
   if (!sink_.keeps()) return outcome;
   RecordEvent event = step.event;
   event.flags = static_cast<std::uint8_t>(outcome);
-  const bool has_time = outcome != TruthIntake::Outcome::ignored && outcome != TruthIntake::Outcome::withheld;
-  event.a = has_time ? intake_.truth().time.ns : 0;
+  event.a = TruthIntake::is_taken(outcome) ? intake_.truth().time.ns : 0;
   keep(event, step.imu);
   return outcome;
 }

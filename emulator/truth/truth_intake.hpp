@@ -37,6 +37,10 @@ class TruthIntake {
     new_run,   // the truth has begun a new run of the timeline
     withheld,  // a fault delays or drops the truth
   };
+  // Returns true if the timeline has taken the truth: truth() has its time.
+  static constexpr bool is_taken(Outcome outcome) noexcept {
+    return outcome == Outcome::accepted || outcome == Outcome::inserted || outcome == Outcome::new_run;
+  }
   // Takes one record, if one has arrived. Never waits. One datagram may hold several records: wait for the
   // descriptor only after take() has returned `nothing`. `watermark`: see Timeline::push().
   Outcome take(TruthTime watermark = Timeline::never) noexcept;
