@@ -88,7 +88,7 @@ struct MessageChecksum {
 std::optional<MessageChecksum> parse_checksum(std::string_view text) noexcept;
 inline constexpr std::string_view checksum_syntax =
     "j1850, h2f, e2e_p01:ID:MODE (both, low, alt, or nibble with an ID of up to 0xFFF), "
-    "e2e_p02:IDS (16 bytes in hexadecimal), e2e_p05:ID, e2e_p11:ID:MODE (both, nibble), "
+    "e2e_p02:IDS (16 bytes in hexadecimal), e2e_p05:ID, e2e_p11:ID:MODE (both, or nibble as of e2e_p01), "
     "sum:START, xor:START, psa:START, toyota, subaru, tesla or honda";
 
 }  // namespace imud
