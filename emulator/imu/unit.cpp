@@ -44,7 +44,9 @@ void Unit::publish(ImuCounters& counters) const noexcept {
 
 bool Unit::cycle_power() noexcept {
   if (!is_supplied_ || !power_faults_) return is_supplied_;
+  const bool will_start = next_power_step_.starts && !power_step_.is_on;  // at the next sample's instant
   const bool starts = power_faults_->cycle();
+  if (starts && will_start) return false;
   power_step_.is_on = next_power_step_.is_on = starts;
   next_power_step_.starts = next_power_step_.starts && starts;
   return starts;

@@ -185,5 +185,23 @@ TEST_F(PowerFaultsRun, EachStartIsSlow) {
   EXPECT_GT(sent, 1000U);
 }
 
+// A cycle of the power just before the instant at which the unit starts anyhow changes nothing: neither an earlier
+// start, nor other turn-on errors.
+TEST_F(PowerFaultsRun, AUnitThatIsAboutToStartStartsOnce) {
+  const std::string config = unit();
+  PoweredUnit unit(config, true), plain(config, true);
+  const std::array<PowerWindow, 1> off = {{{"off", 1000, 1999}}};
+  std::size_t sent = 0;
+  for (std::uint64_t k = 0; k < 8000; ++k) {
+    const auto cycle = [&] {
+      if (k == 2000) unit.channel->cycle_power(unit.instant(k) - std::chrono::microseconds(100));
+    };
+    const std::vector<std::byte> got = unit.step(off, cycle), wanted = plain.step(off);
+    ASSERT_EQ(got, wanted) << k;
+    sent += k >= 2000 && !got.empty() ? 1 : 0;
+  }
+  EXPECT_GT(sent, 1000U);
+}
+
 }  // namespace
 }  // namespace imud

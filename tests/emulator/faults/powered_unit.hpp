@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <functional>
 #include <memory>
 #include <stdexcept>
 #include <string>
@@ -58,11 +59,13 @@ class PoweredUnit {
     channel->sensor.clock().start_samples();
   }
   HostTime instant(std::uint64_t k) const { return HostTime{} + channel->sensor.grid().offset(k); }
-  // Returns what leaves with the next sample.
-  std::vector<std::byte> step(std::span<const PowerWindow> windows = {}) {
+  // Returns what leaves with the next sample. `meanwhile` is called when the sample is prepared, before its instant.
+  std::vector<std::byte> step(std::span<const PowerWindow> windows = {},
+                              const std::function<void()>& meanwhile = {}) {
     channel->sensor.sense_at_rest(channel->sensor.grid().nominal_offset(next), next);
     if (!windows.empty()) channel->set_power_faults(active_at(windows, next));
     channel->prepare(std::nullopt, false);
+    if (meanwhile) meanwhile();
     channel->encode(channel->prepared);
     channel->transmit();
     ++next;
