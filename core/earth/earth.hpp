@@ -57,7 +57,8 @@ double standard_pressure(double geopotential_m) noexcept;
 // Returns the geopotential altitude, m, that has this pressure, Pa, above 0: the inverse of
 // standard_pressure().
 double standard_altitude(double pressure) noexcept;
-// Returns the geopotential altitude, m, of a height, m, above -6 356 766 (U.S. Standard Atmosphere 1976, Eq. 18).
+// Returns the geopotential altitude, m, of a height in m, which must be greater than -6 356 766, the negative radius
+// of the Earth (U.S. Standard Atmosphere 1976, Eq. 18).
 double geopotential_altitude(double height_m) noexcept;
 // Returns the height, m, of a geopotential altitude, m, below 6 356 766: the inverse of geopotential_altitude().
 double height_of(double geopotential_m) noexcept;

@@ -22,8 +22,8 @@ class ReceiverFix {
   void restart() noexcept { since_epoch_ = 0; }
   // Returns whether the sample that report() writes next is an epoch.
   bool is_epoch() const noexcept { return since_epoch_ == 0; }
-  // Writes the fix that the receiver reports with a sample. `possible`: the fix that it would make at this sample,
-  // whose age is its latency; `dt`: the time since the last sample, s.
+  // Writes the fix that the receiver reports with a sample. `possible`: the fix that the receiver would make at
+  // this sample; the age of this fix is the latency of the receiver. `dt`: the time since the last sample, s.
   void report(const Navigation& possible, double dt, Solution& solution) noexcept {
     if (is_epoch()) {
       fix_ = possible;

@@ -109,7 +109,7 @@ Campaign with_axis_value(const Campaign& campaign, std::uint64_t index, const st
 // `realtime` the capture takes longer than the time limit, or if the errors over time have too many figures for the
 // columns of a table.
 Config config_of(const Campaign& campaign, const CampaignCase& c);
-// Does the same, but the faults do not name the case.
+// Does the same as config_of(), but the errors in a ConfigError do not name the case.
 Config load_case(const Campaign& campaign, const CampaignCase& c);
 
 // Returns the SHA-256, in hexadecimal, of everything on which the output bytes of a case depend: the value of every

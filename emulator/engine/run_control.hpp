@@ -27,7 +27,7 @@ class Request {
   std::atomic<bool> is_made_ = false;
 };
 
-// A run of the truth begins in the sampling thread. The results of commands are Applied.
+// The event that a run of the truth has begun: the simulator has started, or has started again.
 struct RunEvent {
   std::uint64_t sample = 0;  // Sample::counter of the first imu's first sample in the run
   std::int64_t time_ns = 0;  // the truth time at which the run begins

@@ -39,8 +39,9 @@ struct CaptureLength {
   double length_s = 0;
   bool is_whole = true;  // false: the capture is longer, but most_truths_ahead were read
 };
-// Reads the truth of a capture that is a regular file; returns 0 for another one, or if it cannot be read. Truths out
-// of order do not begin a run: one does whose time is back by more than a second, or ahead by a gap.
+// Reads the truth of a capture that is a regular file. Returns a length of 0 s for another capture, or if the file
+// cannot be read. A truth begins a run if its time is back by more than a second, or ahead by a gap. A truth that is
+// back by less is only out of order.
 CaptureLength capture_length(const Config& config);
 
 // Throws ConfigError with the errors that check_capture() has found, if there are any.

@@ -13,7 +13,7 @@ namespace imud {
 
 enum class VectorQuantity : std::uint8_t { specific_force, rate, delta_velocity, delta_angle };
 
-// "specific_force", as descriptions have it.
+// Returns the name of the quantity in descriptions of frames: "specific_force".
 std::string_view quantity_name(VectorQuantity quantity);
 
 struct UsualScale {

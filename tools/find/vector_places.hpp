@@ -29,8 +29,9 @@ struct VectorPlace {
 // for each byte of each message: true if the byte has no meaning yet.
 std::vector<VectorPlace> find_vectors(const HandledFrames& frames, const std::vector<std::vector<bool>>& is_free);
 
-// Returns how much the lively components change from frame to frame while the sensor is turned, relative to all their
-// changes. The reading with the right bytes has the smallest roughness.
+// Returns the sum over the lively components of their typical change from frame to frame, in standard deviations of
+// the component, while the sensor is turned. Of several ways to read the same bytes, the right one has the smallest
+// roughness.
 double roughness(const VectorPlace& place, const HandledFrames& frames);
 
 // Vectors with the same high bytes count as one vector: returns the indices of the vectors to keep. A wider number
